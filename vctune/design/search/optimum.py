@@ -20,7 +20,7 @@ from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.search.along_limit import best_along_limit, follows_limit
 from vctune.design.search.exchange import TIGHTENING, polish
-from vctune.design.search.scan import ScanResult, better_start_near, scan, start_at
+from vctune.design.search.scan import ScanResult, scan, start_at
 from vctune.design.search.theorems import impossible
 from vctune.design.search.wall import stiffest_wall
 from vctune.design.variables import CORNER, DIGITS, design_of, rounded
@@ -164,15 +164,6 @@ def _polish_starts(
             polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
-    optima.sort(key=lambda optimum: optimum.error)
-    if optima:
-        with time_limit(seconds_left() - for_proof):
-            nearby = better_start_near(scaled, *design_of(optima[0].values))
-        if nearby is not None:
-            progress(f"polishing once more{_best_known(optima, prepared.units.error)}")
-            with time_limit(seconds_left() - for_proof):
-                better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
-            optima += [better] if better is not None else []
 
 
 def _best_proved(

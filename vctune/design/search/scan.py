@@ -25,9 +25,8 @@ from vctune.design.search.grid import (
     responses,
 )
 from vctune.design.search.samples import LoopFeasibility, Samples, loop_feasibility, samples_of
-from vctune.design.search.shapes import shape_of
 from vctune.design.variables import point
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
@@ -84,9 +83,6 @@ STARTS = 8
 CLOSE = 0.02  # Two starts count as one if each of their variables differs by at most this share
 # Factors by which the scan varies given gains when it looks for a better coupling
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-# The search optimises from a new start near an optimum if the start's estimated error, divided by the optimum's, is at
-# most this ratio
-WORTH_ANOTHER = 0.9995
 # The scan refines a local minimum of the coarse grid if its error, divided by the least error, is at most this ratio
 PROMISING = 3.0
 
@@ -159,21 +155,6 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
     return refined(problem, samples, between_neighbours(fine, [at]))[0] if scores.error[at] < inf else None
 
 
-def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
-    """Return a better start near an optimum, because designs with another coupling may lie in a better basin."""
-    problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
-    tau_c, drag = shape_of(coupling)
-    time_constant, drags = np.sort(np.append(fine.time_constant, tau_c)), np.sort(np.append(fine.drag, drag))
-    fine = replace(fine, time_constant=time_constant, drag=drags)
-    (scores, _), place = evaluated(problem, samples, fine), _place(problem, gains, coupling)
-    here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
-    at = lowest(scores)
-    better = scores.error[at] < WORTH_ANOTHER * scores.error[here]
-    if not better or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
-        return None
-    return refined(problem, samples, between_neighbours(fine, [at]))[0]
-
-
 def _surroundings(posed: Posed, gains: Gains) -> tuple[Samples, Axes]:
     """Return a fine grid of gains around the given ones, with all couplings of the coarse grid."""
     problem, integral = posed.problem, gains.position > 0
@@ -185,11 +166,6 @@ def _surroundings(posed: Posed, gains: Gains) -> tuple[Samples, Axes]:
 
 def _corner(problem: Problem, gains: Gains) -> float:
     return gains.position / (problem.device.damping + gains.velocity) if gains.position > 0 else 0.0
-
-
-def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, float, float]:
-    """Return K_v, corner, tau_c and b_0 of a design."""
-    return gains.velocity, _corner(problem, gains), *shape_of(coupling)
 
 
 def _distinct(starts: list[Start]) -> list[Start]:

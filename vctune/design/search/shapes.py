@@ -101,13 +101,6 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
     return Coupling(clipped("damping", scale), clipped("mass", mass), float(drag))
 
 
-def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
-    """Return a coupling's time constant and drag."""
-    if isinstance(coupling, SpringDamper):
-        return coupling.damping / coupling.stiffness, 0.0
-    return coupling.mass / coupling.damping, coupling.drag
-
-
 def scaled_coupling(coupling: AnyCoupling, by: float) -> AnyCoupling:
     """Return a coupling of the same shape with Z_c times a factor or, for an impedance display, with 1/Z_c times a
     factor."""
