@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -111,3 +112,36 @@ def test_the_lightest_arm_with_a_tool_is_what_its_hands_permit(seed):
         return all(stepped(Loop(device, (0.0, 0.0), (np.inf, by * mass, by * drag), hand)) < 1 for hand in each)
 
     assert stable(1.0) and not stable(0.97)
+
+
+def test_an_answer_about_an_arm_tells_its_latency_its_contact_and_its_first_step(tmp_path):
+    """With nothing behind it too: the stiffest contact is proved, and with 1 % more it is not."""
+    (tmp_path / "arm.toml").write_text(toml_text(ARM | {"coupling": {"rule": "euler", "mass": 6.0, "drag": 150.0}}))
+    record = vctune("check", "arm.toml", "--json", cwd=tmp_path)
+    found = json.loads(record.stdout)[0]
+    contact, felt = found["contact"], found["felt"]
+    late = 1e-3 + 0.03 + 2**0.5 / (2 * np.pi * 22.0)
+    assert contact["latency_s"] == pytest.approx(late) and "rest_drag" not in contact
+    assert felt["first_acceleration"] == pytest.approx(1 / 6.0) and felt["first_speed"] == pytest.approx(2e-3 / 6.0)
+    stiffest = contact["stiffest_contact"]
+    assert stiffest > 3000.0 and contact["stiffest_contact_verdict"] == "proved"
+    soft = ARM | {"coupling": {"rule": "euler", "mass": 6.0, "drag": 100.0}}
+    most = solve(soft).record()["contact"]["stiffest_contact"]
+    for by, status in ((1.0, "certified"), (1.01, "violated")):
+        assert solve(soft | {"operator": {"stiffness": {"min": 0.0, "max": by * most}}}).status == status
+
+
+def test_a_real_table_in_the_virtual_world_is_told(tmp_path):
+    table = {"device": ARM["device"], "environment": {"stiffness": {"max": 50000.0}}}
+    (tmp_path / "table.toml").write_text(toml_text(table | {"coupling": {"damping": 1e4, "mass": 5.0, "drag": 150.0}}))
+    done = vctune("check", "table.toml", cwd=tmp_path)
+    assert "operator.stiffness.max = 50000" in done.stdout + done.stderr and "virtual" in done.stdout + done.stderr
+
+
+def test_a_first_step_beyond_the_acceleration_of_the_servo_is_told(tmp_path):
+    for most, told in ((0.1, True), (10.0, False)):
+        device = ARM["device"] | {"servo": ARM["device"]["servo"] | {"max_acceleration": most}}
+        law = {"rule": "euler", "mass": 6.0, "drag": 150.0}
+        (tmp_path / "arm.toml").write_text(toml_text(ARM | {"device": device, "coupling": law}))
+        done = vctune("check", "arm.toml", cwd=tmp_path)
+        assert ("max_acceleration" in done.stdout + done.stderr) == told

@@ -83,6 +83,7 @@ HELD = DEVICE + FIXED.format(160.0)
 DESKTOP = '[device]\ndisplay = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
 ROTARY = DEVICE.replace("[device]\n", '[device]\nunits = "rotary"\n')
 ARM = "[device]\nsample_time = 2e-3\n[device.servo]\ndelay = 0.03\n"
+SERVED = ARM + "bandwidth_hz = 20.0\n[environment]\nstiffness = { max = 3000.0 }\n"
 GRIP = "[operator]\nstiffness = { min = 0.0, max = 1e3 }\ndamping = 1.0\nmass = 1.0\n"
 BOX = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
 WALLS = BOX.replace("min = 0.1", "min = 0.0") + "walls = true\n"
@@ -113,6 +114,9 @@ DOUBTS = {
     ),
     "a latency without a bandwidth": (
         "warn-latency", ARM, ARM + "bandwidth_hz = 20.0\n", "latency of 30 ms is divided into delay and lag",
+    ),
+    "a real table": (
+        "warn-table", SERVED.replace("3000.0", "3001.0"), SERVED, "write operator.stiffness.max = 3001",
     ),
     "a reserved name": ("warn-name", f'name = "con"\n{HELD}', f'name = "cone"\n{HELD}', "the folder is _con"),
     "moves before a rigid world": (
@@ -151,7 +155,8 @@ def test_each_doubt_is_given_where_it_is_due_and_not_beside_it(name: str) -> Non
 
 def test_no_doubt_about_a_problem_is_without_its_smallest_file() -> None:
     """Doubts are the codes of `vctune explain` that begin with warn- and that neither a design nor a log gives."""
-    of_designs, of_logs = {"warn-band-edge", "warn-bound", "warn-idle"}, {"warn-gain", "warn-residual", "warn-yields"}
+    of_designs = {"warn-acceleration", "warn-band-edge", "warn-bound", "warn-idle"}
+    of_logs = {"warn-gain", "warn-residual", "warn-yields"}
     every = {code for code in get_args(Code) if code.startswith("warn-")}
     assert every == {code for code, *_ in DOUBTS.values()} | of_designs | of_logs
 

@@ -3,25 +3,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats, last_to_hold, local_minima
+from vctune.analysis.multiples import least_ratio_in_worlds
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
+from vctune.model.worlds import Worlds
 from vctune.running import check_time
 
 LOWEST = 1e-3  # Least angle omega T above 0, rad
 PER_DECADE = 120  # Number of angles per decade
 
 
+NO_GAINS = Gains(0.0, 0.0)
+DOUBLINGS = 60  # Number of doublings of a stiffness that is borne
 HALVINGS = 40  # Number of halvings of a range of stiffnesses, which give twelve digits
 
 
@@ -61,10 +65,21 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
     return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, hands.corners[vertex])
 
 
-def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
+def stiffest_contact(
+    devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float, worlds: Worlds | None = None
+) -> float:
     """Return the greatest contact stiffness, N/m, up to which a coupling is stable with every mass and damping of the
-    box."""
-    return min(_stiffest(device, hands, coupling, factor) for device in devices)
+    box, with every passive environment or with those of a box."""
+    if worlds is None:
+        return min(_stiffest(device, hands, coupling, factor) for device in devices)
+
+    def bears(stiffness: float) -> bool:
+        low = replace(hands.low, stiffness=min(hands.low.stiffness, stiffness))
+        softer = Hands(low, replace(hands.high, stiffness=stiffness))
+        ratios = (least_ratio_in_worlds(device, softer, NO_GAINS, coupling, worlds).ratio for device in devices)
+        return all(ratio >= factor for ratio in ratios)
+
+    return _last_borne(bears, hands)
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
@@ -96,12 +111,20 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
         low, high = (replace(end, stiffness=stiffness) for end in (hands.low, hands.high))
         return bool((demand_of(device, Hands(low, high)).at(theta) <= room).all())
 
+    return _last_borne(bears, hands)
+
+
+def _last_borne(bears: Callable[[float], bool], hands: Hands) -> float:
+    """Return the greatest stiffness that is borne, inf if there is none, -inf if even that of the softest hand is
+    not."""
     low, high = hands.low.stiffness, max(hands.high.stiffness, 1.0)
     if not bears(low):
         return -inf
-    while bears(high):
+    for _ in range(DOUBLINGS):
+        if not bears(high):
+            return last_to_hold(bears, low, high, HALVINGS)
         low, high = high, 2 * high
-    return last_to_hold(bears, low, high, HALVINGS)
+    return inf
 
 
 def _angles(device: Device) -> Floats:

@@ -14,7 +14,7 @@ from vctune.analysis.demands import response, transparency_error
 from vctune.analysis.extrema import Floats
 from vctune.analysis.feel import feel
 from vctune.analysis.in_worlds import binding_world
-from vctune.design.felt_record import CONTACT, contact_record, in_hand_record
+from vctune.design.felt_record import CONTACT, contact_record, first_command, in_hand_record
 from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, stacked
@@ -49,7 +49,7 @@ from vctune.document.records.rows_json import FeltRecord
 from vctune.document.text.errors import Note
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.llewellyn import llewellyn_excess, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
@@ -170,6 +170,16 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
                     "outside the band a passive hand or environment can make it oscillate",
                 )
+    servo = problem.device.servo
+    if servo is not None and servo.max_acceleration is not None:
+        _, acceleration = first_command(problem.device, series_coupling(judgement.coupling))
+        if acceleration > servo.max_acceleration:
+            units = problem.units
+            yield (
+                "warn-acceleration",
+                f"1 {units.force} from rest commands {acceleration:.3g} {units.acceleration} in its first sample, more "
+                f"than device.servo.max_acceleration = {servo.max_acceleration:g}; more coupling.mass commands less",
+            )
     if judgement.idle:
         yield (
             "warn-idle",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from math import floor, inf, log10, pi
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from vctune.design.judging.judge import Judgement, Status, certified
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz
@@ -22,6 +22,7 @@ from vctune.model.problem import Problem
 from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.model.worlds import World
 from vctune.proof.outcome import Verdict
+from vctune.simulation.controller import coupling_coefficients
 
 CONTACT = "the stiffest contact"  # Name of a part that a time limit may leave out
 RESERVE = 1e-3  # Relative distance between the stiffest contact in double precision and the contact that vctune proves
@@ -29,33 +30,40 @@ DIGITS = 4  # Number of significant digits of the stiffest contact
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
-    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other displays,
-    and with nothing behind, where a mass may take the place of drag."""
-    hands = problem.hands_met
-    if problem.device.servo is None or hands is None or (problem.worlds is not None and problem.worlds.nothing):
+    """Return the latency of a servo, the drag that contacts require of it, and the stiffest contact of a design; None
+    for other displays. Before environments of limited mass no drag is required, since a mass may take its place."""
+    hands, worlds = problem.hands_met, problem.worlds
+    if problem.device.servo is None or hands is None:
         return None
     devices = list(dict.fromkeys(case.device.modelled for case in judgement.posed.hand_cases))
     factor, K = problem.stability.safety_factor, hands.high.stiffness
     slowest = max(devices, key=_latency)
     parts = {name: seconds for name, seconds in asdict(latency(slowest, FLOATS)).items() if seconds > 0}
-    at_rest, most = drag_at_rest(devices, hands), greatest_drag(devices, hands)
-    bears = stiffest_contact(devices, hands, judgement.coupling, factor)
+    bears = stiffest_contact(devices, hands, judgement.coupling, factor, worlds)
     stiffest, verdict = _stiffest(problem, judgement, hands, bears)
+    drags: dict[str, Any] = {}
+    if worlds is None or worlds.high.mass == inf:
+        most = greatest_drag(devices, hands)
+        drags = {
+            "rest_drag": factor * drag_at_rest(devices, hands),
+            "drag_alone": factor * most.drag,
+            "drag_alone_hz": finite_hertz(most.omega),
+            "drag_alone_hand": most.hand,
+            "own_spring": factor * _own_spring(slowest),
+        }
     return ContactRecord(
         stiffness=K,
         safety_factor=factor,
         parts=[
-            LatencyPartRecord(part=part.label, key=part.key, latency_s=seconds, drag=factor * K * seconds)
+            LatencyPartRecord(
+                part=part.label, key=part.key, latency_s=seconds, **({"drag": factor * K * seconds} if drags else {})
+            )
             for part, seconds in ((LATENCY_PARTS[name], seconds) for name, seconds in parts.items())
         ],
         latency_s=_latency(slowest),
-        rest_drag=factor * at_rest,
-        drag_alone=factor * most.drag,
-        drag_alone_hz=finite_hertz(most.omega),
-        drag_alone_hand=most.hand,
         stiffest_contact=stiffest,
         stiffest_contact_verdict=verdict,
-        own_spring=factor * _own_spring(slowest),
+        **drags,
     )
 
 
@@ -113,9 +121,20 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
         low = problem.worlds.low if problem.worlds is not None else World(0.0, 0.0, 0.0)
         felt = _felt(problem, gains, coupling, omega, World(low.mass, low.damping, wall))
         found |= {"felt_wall_10hz": omega * (omega * low.mass - felt.imag), "wall": wall}
+    if device.servo is not None and not isinstance(coupling, SpringDamper):
+        speed, acceleration = first_command(device, coupling)
+        found |= {"first_speed": speed, "first_acceleration": acceleration}
     if device.velocity is not None and device.velocity.resolution is not None:
         found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)
+
+
+def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:
+    """Return the velocity that a servo at rest is commanded in the first sample of a unit of sensed force, through the
+    firmware's filter and with nothing behind, and its rate over this sample."""
+    share, T = device.sensing.filter_coefficient or 1.0, device.sample_time
+    speed = share / coupling_coefficients(coupling, T, rule=device.rule)["resistance"]
+    return speed, speed / T
 
 
 def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, world: World | None = None) -> complex:

@@ -48,6 +48,13 @@ def doubts(problem: Problem) -> Iterator[Note]:
     if greatest.stiffness >= STIFFEST:
         said = f"{greatest.stiffness:g} {problem.units.stiffness}; is it in {problem.units.stiffness}?"
         yield Note("warn-stiffness", f"operator.stiffness.max is {said} A firm grip has {FIRM:g} N/m")
+    if problem.device.servo is not None and problem.worlds is not None:
+        rendered, touched = problem.worlds.high.stiffness, greatest.stiffness
+        if touched < rendered < inf:
+            said = f"{rendered:g} {problem.units.stiffness} is of springs that the arm renders, which are virtual; "
+            told = f"write operator.stiffness.max = {rendered:g}, and [environment] as the arm renders it"
+            text = f"{said}if it is a real table or fixture that the tool touches, {told}"
+            yield Note("warn-table", text, ("environment", "stiffness"))
     for number, experiment in enumerate(problem.experiments):
         for what, key in [*_outside(experiment.environment, problem)][:1]:
             text = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "

@@ -137,6 +137,13 @@ class Servo:
             certain=True,
         ),
     ] = None
+    max_acceleration: Annotated[
+        Positive | None,
+        Key(
+            "Greatest acceleration that the servo follows, m/s2. No claim depends on it; vctune warns of a design that "
+            "commands more for a force of 1 N. Default: not stated."
+        ),
+    ] = None
     radii: Internal[tuple[tuple[float, float], ...]] = ()  # disc of unmodelled dynamics, (Hz, radius)
     latency: Internal[Number | None] = None  # delay + lag, s, if only their sum is known: then without bandwidth_hz
 

@@ -28,9 +28,11 @@ class InHandRecord(Part):
     felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, the least tool's inertia apart
     wall: Number = None
     count: Number = None  # force of one count of the encoder, N
+    first_speed: Number = None  # command of a servo at rest in the first sample of 1 N, m/s, and its acceleration, m/s2
+    first_acceleration: Number = None
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield free motion, the stiffest wall and the force of a count."""
+        """Yield free motion, the stiffest wall, the force of a count and what a unit of force commands."""
         if self.mass_1hz is not None and self.damping_1hz is not None:
             value, unit = weighed(self.mass_1hz, units)
             held = f"{_short(abs(self.damping_1hz))} {units.damping}"
@@ -47,6 +49,9 @@ class InHandRecord(Part):
             yield Row("stiffest wall felt", text(self.felt_wall_10hz, 4), stated)
         if self.count is not None:
             yield Row("count of the encoder", text(self.count, 3), f"{units.force} without filters, in its sample")
+        if self.first_speed is not None and self.first_acceleration is not None:
+            more = f"{units.speed}, {text(self.first_acceleration, 3)} {units.acceleration}, in its first sample"
+            yield Row(f"1 {units.force} from rest", text(self.first_speed, 3), f"{more}, with nothing behind")
 
 
 def weighed(mass: float, units: Units) -> tuple[str, str]:
@@ -67,7 +72,7 @@ class LatencyPartRecord(Part):
     part: str
     key: str
     latency_s: float
-    drag: float
+    drag: Number = None  # absent before environments of limited mass, which require none
 
 
 class ContactRecord(Part):
@@ -77,10 +82,11 @@ class ContactRecord(Part):
     safety_factor: float
     parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]  # parts of the latency, and their sum
     latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
-    rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]  # drag that the hands require at rest
-    drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
-    drag_alone_hz: Number
-    drag_alone_hand: Hand
+    # drags that the hands require; absent before environments of limited mass, which require none
+    rest_drag: Annotated[Number, Shown("least drag at rest", of="damping", optional=True)] = None
+    drag_alone: Annotated[Number, Shown("least drag without b_c", of="damping", optional=True)] = None
+    drag_alone_hz: Number = None
+    drag_alone_hand: Hand | None = None
     stiffest_contact: Annotated[Number, Shown("stiffest contact", digits=7, of="stiffness")]
     stiffest_contact_verdict: Literal["proved", "undecided"] | None
     own_spring: float = 0.0
@@ -88,30 +94,28 @@ class ContactRecord(Part):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with its condition."""
         details = self._details(units)
-        for name, row in zip(how_shown(type(self)), super().rows(units), strict=True):
+        shown = [name for name in how_shown(type(self)) if name in details]
+        for name, row in zip(shown, super().rows(units), strict=True):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[name]}")
 
     def _details(self, units: Units) -> dict[str, str]:
         """Return the text beside the number of each row, by the name of its field."""
         parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
         contacts = f"contacts up to {text(self.stiffness, 7)} {units.stiffness}"
-        worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
         bears = f", {self.stiffest_contact_verdict} with this coupling"
         if self.stiffest_contact is None:
             bears = "even the softest hands require more than this coupling offers"
-        return {
-            "latency_s": f" = {parts}",
-            "rest_drag": f" for {contacts}: {self.rule}",
-            "drag_alone": f", {worst}",
-            "stiffest_contact": bears,
-        }
+        found = {"latency_s": f" = {parts}", "stiffest_contact": bears}
+        if self.drag_alone_hand is None or self.rest_drag is None:
+            return found
+        worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
+        return found | {"rest_drag": f" for {contacts}: {self.rule(self.rest_drag)}", "drag_alone": f", {worst}"}
 
-    @property
-    def rule(self) -> str:
-        """The formula for the least drag at rest, in words."""
+    def rule(self, rest_drag: float) -> str:
+        """Return the formula for the least drag at rest, in words."""
         of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
         rule = f"{text(self.safety_factor)} K L{' and the drag of the own spring' if self.own_spring else ''}"
-        if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
+        if isclose(rest_drag, of_springs, rel_tol=1e-6):
             return rule
-        less = self.rest_drag < of_springs
+        less = rest_drag < of_springs
         return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"

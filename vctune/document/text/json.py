@@ -133,6 +133,7 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["rule"]
     if not problem.device.summed:
         del stated["device"]["summed"]
+    (stated["device"]["servo"] or {}).pop("max_acceleration", None)  # no design depends on it
     velocity = stated["device"]["velocity"] or {}
     if resolution := velocity.pop("resolution", None):
         stated["device"]["resolution"] = resolution

@@ -55,6 +55,11 @@ class Units:
     time: str = "s"  # units of time and frequency
     frequency: str = "Hz"
 
+    @property
+    def acceleration(self) -> str:
+        """The unit of an acceleration, such as "m/s2"."""
+        return f"{self.speed}2"
+
     def of(self, quantity: str) -> str:
         """Return the unit of a quantity by its name. The quantity "" has the unit ""."""
         unit: str = getattr(self, quantity) if quantity else ""
