@@ -44,7 +44,7 @@ def reaction(
 ) -> Callable[[complex], complex]:
     """Return Z_c/factor + Z_seen, which an environment meets, as a function of the angle, which may be complex; for an
     impedance display its dual, 1/Z_c/factor + G_y/(1 + K_v F G_y)."""
-    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+    plant = plant_in_hand(device.undisturbed, hand, delays_of(device), FLOATS)
 
     def at(theta: complex) -> complex:
         seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), gains)

@@ -7,7 +7,7 @@ in an interval. Over the angles and the hands these intervals are the multiples 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import exp, inf, log, pi
 from typing import NamedTuple
@@ -19,14 +19,18 @@ from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, zoomed
+from vctune.analysis.worst_hand import suspects as of_nominal
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_hand
 from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds, WorldsMet
+from vctune.proof.claims.crossing import Suspect
 from vctune.running import check_time
 
 ENDLESS = 1e100  # in place of an infinite multiple
@@ -62,6 +66,19 @@ def least_ratio_in_worlds(
     return RatioInHand(1 / found.value if found.value > 0 else inf, found.theta / device.sample_time, found.hand)
 
 
+def suspects(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
+    """Yield the suspects of `worst_hand`, and hands in which some response of a disc seems to be at its limit."""
+    yield from of_nominal(design, demands, devices)
+    if demands.worlds is None or demands.hands is None:
+        return
+    for device in devices:
+        if device.servo is not None and device.servo.radii:
+            law = design.gains, design.coupling
+            at = least_ratio_in_worlds(device, demands.hands, *law, demands.worlds)
+            theta = min(at.omega * device.sample_time, pi)
+            yield Suspect(device, at.hand, (theta, theta))
+
+
 def ratio_in_these(
     device: Device, hands: Sequence[Hand], gains: Gains, coupling: AnyCoupling, worlds: Worlds | None
 ) -> float:
@@ -92,6 +109,7 @@ class LoopsInWorlds:
     angles: Floats  # rad, shape (n,)
     lost: Floats  # R, N s/m, shape (hands, n)
     held: Floats  # -Im Z_seen
+    blur: Floats | None = None  # radius of a disc around Z_seen; None without one
 
     @classmethod
     def of(
@@ -103,7 +121,8 @@ class LoopsInWorlds:
         plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
         seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), gains)
         with np.errstate(all="ignore"):
-            parts = (np.asarray(seen.lost / seen.size), np.asarray(seen.swing / seen.size) / np.sin(theta / 2))
+            parts = [np.asarray(seen.lost / seen.size), np.asarray(seen.swing / seen.size) / np.sin(theta / 2)]
+        parts += [] if isinstance(seen.blur, int) else [np.asarray(seen.blur)]
         return cls(device, hands, worlds, theta, *(np.broadcast_to(part, (len(hands), theta.size)) for part in parts))
 
     @np.errstate(all="ignore")
@@ -114,13 +133,27 @@ class LoopsInWorlds:
         at = offered_at(series, T, rule, angles, FLOATS)
         own = np.asarray(at.reactance) / np.cos(angles / 2)
         light, soft, heavy, stiff = map(float, (low.mass, low.stiffness, high.mass, high.stiffness))
-        heaviest = 0.0 if heavy == inf else (self.held - heavy * u + soft / u) / own
-        stiffest = ENDLESS if stiff == inf else (self.held - light * u + stiff / u) / own
-        above, below = (np.broadcast_to(each, self.held.shape).copy() for each in (heaviest, stiffest))
-        if angles[-1] == pi and real_at_nyquist(series, rule, self.worlds):
-            above[:, -1], below[:, -1] = 0.0, ENDLESS
-        resistive = (self.lost - float(low.damping)) / np.asarray(at.resistance)
-        return _between(above, below, resistive, angles)
+        # y Im Z_c at which the reactance leaves the box, at its heaviest and at its stiffest environment
+        most = np.full_like(self.held, -inf) if heavy == inf else self.held - heavy * u + soft / u
+        least = np.full_like(self.held, inf) if stiff == inf else self.held - light * u + stiff / u
+        real, loss = np.asarray(at.resistance), self.lost - float(low.damping)
+
+        def within(sides: Floats | float, front: Floats | float) -> _Failing:
+            """Return the multiples within the box, its sides and its front moved outwards."""
+            heaviest = 0.0 if heavy == inf else (most - sides) / own
+            stiffest = ENDLESS if stiff == inf else (least + sides) / own
+            above, below = (np.broadcast_to(each, self.held.shape).copy() for each in (heaviest, stiffest))
+            if angles[-1] == pi and real_at_nyquist(series, rule, self.worlds):
+                above[:, -1], below[:, -1] = 0.0, ENDLESS
+            return _between(above, below, (loss + front) / real, angles)
+
+        if self.blur is None:
+            return within(0.0, 0.0)
+        found = [within(self.blur, 0.0), within(0.0, self.blur)]
+        for corner, endless in ((most, heavy == inf), (least, stiff == inf)):
+            if not endless:
+                found.append(_in_disc(real, own, loss, corner, self.blur, angles))
+        return _Failing(*(np.concatenate([each[k] for each in found], axis=1) for k in range(3)))
 
     def least_stable(self, coupling: AnyCoupling, others: Sequence[LoopsInWorlds], room: float) -> float:
         """Return the least multiple of a coupling beyond which nothing fails up to `room` times as much, here and in
@@ -135,6 +168,17 @@ class LoopsInWorlds:
         """Return the number by which a coupling may be divided in these hands, as `least_ratio_in_worlds` does."""
         found = _limit(self.failing(coupling), self.hands, Place(0.0, 0.0, self.hands[0]))
         return 1 / found.value if found.value > 0 else inf
+
+
+def _in_disc(real: Floats, own: Floats, loss: Floats, corner: Floats, radius: Floats, angles: Floats) -> _Failing:
+    """Return the multiples at which y Z_c lies in a disc around a corner of the box, at each angle."""
+    square, along = real * real + own * own, real * loss + own * corner
+    root = along * along - square * (loss * loss + corner * corner - radius * radius)
+    spread = np.sqrt(np.maximum(root, 0.0))
+    low, high = np.maximum((along - spread) / square, 0.0), (along + spread) / square
+    fails = (root >= 0) & (high >= 0)
+    theta = np.broadcast_to(angles, low.shape)
+    return _Failing(np.where(fails, low, inf), np.where(fails, high, -inf), theta)
 
 
 def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) -> _Failing:

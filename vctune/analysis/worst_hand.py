@@ -88,10 +88,10 @@ def suspects(design: Design, demands: Demands, devices: Sequence[Device]) -> Ite
                 yield Suspect(device, worst.hand, (worst.theta, worst.theta))
     elif demands.worlds is not None and demands.worlds.corner is None:
         for device in devices:
-            yield from _crossings(replace(design, device=device), demands)
+            yield from _crossings(replace(design, device=device.undisturbed), demands, device)
 
 
-def _crossings(design: Design, demands: Demands) -> Iterator[Suspect]:
+def _crossings(design: Design, demands: Demands, device: Device) -> Iterator[Suspect]:
     """Yield the hands and the angles between which a motion with some environment seems neither to grow nor to decay.
 
     Its reactance must be that of an environment, which on a box without width no sample meets. But where the margin
@@ -105,7 +105,7 @@ def _crossings(design: Design, demands: Demands) -> Iterator[Suspect]:
         for n in np.argsort(lost)[:2]:
             if lost[n] < 0:
                 low, high = angles[places[n] : places[n] + 2]
-                found.append(Suspect(design.device, near[n], (float(low), float(high))))
+                found.append(Suspect(device, near[n], (float(low), float(high))))
         least = int(np.argmin(lost))
         return Place(float(lost[least]), float(angles[places[least]]), near[least])
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_ratios
-from vctune.analysis.worst_hand import suspects
+from vctune.analysis.multiples import suspects
 from vctune.design.advice.parameter_changes import ParameterChange
 from vctune.design.advice.repair import Found, Progress, edits, repairs_of_design
 from vctune.design.design_record import record_of, warnings

@@ -113,6 +113,12 @@ class Device:
         return self if self.unmodelled is None else replace(self, unmodelled=None)
 
     @property
+    def undisturbed(self) -> Device:
+        """The device without a disc around its response, whose middle it is."""
+        servo = self.servo
+        return self.modelled if servo is None else replace(self, servo=replace(servo, radii=()))
+
+    @property
     def with_operator(self) -> Device:
         """The device whose handle carries its least operator: for a rigid device, Z_d + Z_h takes the place of Z_d."""
         if self.operator is None:

@@ -26,9 +26,9 @@ from vctune.analysis.in_hands import (
 )
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.margins import Margins, loop_margins
-from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
+from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls, suspects
 from vctune.analysis.responses import Loop
-from vctune.analysis.worst_hand import suspects, worst_before_wall
+from vctune.analysis.worst_hand import worst_before_wall
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.model.design import Design

@@ -30,12 +30,8 @@ def device_tables(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def arm_tables(document: dict[str, Any]) -> dict[str, Any]:
-    """Return `device_tables` of an arm, which has nothing behind its admittance unless the document states it.
-
-    With unmodelled dynamics every passive environment is behind it: a box of environments is not proved with them.
-    """
-    own = device_tables(document)
-    return own if "unmodelled" in own.get("uncertainty", {}) else {"environment": NOTHING_BEHIND, **own}
+    """Return `device_tables` of an arm, which has nothing behind its admittance unless the document states it."""
+    return {"environment": NOTHING_BEHIND, **device_tables(document)}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:

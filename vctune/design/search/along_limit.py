@@ -46,6 +46,7 @@ COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
 GAINS, MASS = 2, 3  # number of gains before the numbers of the coupling in a `Point`, and place of m_c
 FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a whole, and halvings of its logarithm
 TINY = 1e-300
+IN_DISC = 1e-3  # First reserve of a servo in a disc, whose proof takes a hundred times as long at less
 LIGHTEST = 1e-3  # Least mass of a rigid coupling, over b_0 T; a lighter one is neither felt nor worth a digit
 SOFTEST = 1e-3  # Least coupling, over Z_0, if it could be softer: a proof about next to nothing does not end
 
@@ -57,8 +58,8 @@ def follows_limit(problem: Problem) -> bool:
 
 def has_nothing_behind(problem: Problem) -> bool:
     """Return whether a problem leaves mass and drag alone to choose, with nothing behind them."""
-    worlds, servo, bounds = problem.worlds, problem.device.servo, problem.bounds
-    if worlds is None or worlds.walls or worlds.low.damping > 0 or (servo is not None and servo.radii):
+    worlds, bounds = problem.worlds, problem.bounds
+    if worlds is None or worlds.walls or worlds.low.damping > 0:
         return False
     return worlds.nothing and bounds.velocity.fixed and bounds.position.fixed and bounds.damping.min == inf
 
@@ -192,7 +193,9 @@ def best_along_limit(posed: Posed) -> Proved | None:
     """Return the best proved design that the search reaches from a grid, or else the last that was tried; None if it
     reaches none."""
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))[:MOST_DEVICES]
-    seen = LookedAt(devices, [*posed.problem.hands.corners, posed.problem.hands.middle])
+    servo = posed.problem.device.servo
+    reserve = IN_DISC if servo is not None and servo.radii else RESERVE
+    seen = LookedAt(devices, [*posed.problem.hands.corners, posed.problem.hands.middle], reserve=reserve)
     tried: Proved | None = None
     starts = _starts(_Limit(posed, seen))
     reached = [found for start in starts if (found := _least(_Limit(posed, seen), start, *COARSE)) is not None]

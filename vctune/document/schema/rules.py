@@ -187,8 +187,9 @@ def _environments(file: Stated) -> Found:
         )
     if file.value("stability.criterion") in ("passive", "both") and not file.servo:
         yield from _any_hand_alone(file)
-    if file.value("uncertainty.unmodelled"):
-        yield "uncertainty.unmodelled", "is not proved with [environment]; leave one of them out"
+    if file.value("uncertainty.unmodelled") and (not file.servo or file.value("environment.walls") is True):
+        what = "walls" if file.servo else "[environment] of a loop of its own"
+        yield "uncertainty.unmodelled", f"is not proved with {what}; leave one of them out"
     corner = file("environment.corner_hz")
     if file.value("environment.walls") is not True:
         if not isnan(corner):

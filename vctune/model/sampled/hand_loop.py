@@ -224,9 +224,9 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> ZSeen:
     """Return Z_seen, the impedance that the loop in a hand presents to the environment."""
-    required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
-        return ZSeen(required.lost, 0.5 * loop.seen.even, 1)
+        return ZSeen(-0.5 * loop.seen.odd, 0.5 * loop.seen.even, 1, loop.blur)
+    required = required_in_hand(loop, gains)
     F, P = loop.closed(gains), loop.numerator(gains)
     return ZSeen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 

@@ -23,6 +23,7 @@ class ZSeen(NamedTuple):
     lost: Number  # R = lost/size, N s/m; the size is |F|^2, or 1 for a servo
     swing: Number  # -s size Im Z_seen, which is half of Re(P conj F) without a coupling; it is > 0 for a spring
     size: Number
+    blur: Number = 0  # radius of the disc around Z_seen of a servo whose response is not known, N s/m; 0 without one
 
 
 class ZOffered(NamedTuple):
@@ -39,6 +40,7 @@ class Disjuncts(NamedTuple):
     above: tuple[Number, ...] | None
     below: tuple[Number, ...] | None
     turned: tuple[Number, ...] | None
+    corners: tuple[Number, ...] = ()  # margins of their own next to the corners of the box, with a disc around Z_seen
 
 
 def offered_at(coupling: Coupling, sample_time: Number, rule: Rule, theta: Number, ops: Arithmetic) -> ZOffered:
@@ -75,6 +77,7 @@ def disjuncts(
     low, high, x, w = worlds.low, worlds.high, offered.resistance, sin * offered.reactance
     lost, swing, size = seen.lost, seen.swing * cos, seen.size
     kept = () if ops.is_zero(low.damping) else (factor * low.damping * size,)
+    resistive: tuple[Number, ...] = (x * size, -(factor * lost), *kept)
     above = below = turned = None
     if not _endless(high.mass):
         stiff, heavy = low.stiffness * compliance, high.mass * inertia
@@ -83,7 +86,39 @@ def disjuncts(
     if not _endless(high.stiffness):
         light, soft = low.mass * inertia, high.stiffness * compliance
         below = (factor * (light * size), w * size, -(factor * (soft * size)), -(factor * swing))
-    return Disjuncts((x * size, -(factor * lost), *kept), above, below, turned)
+    found = Disjuncts(resistive, above, below, turned)
+    return found if isinstance(seen.blur, int) else _blurred(found, offered, seen, factor, sin, cos, ops)
+
+
+def _blurred(
+    found: Disjuncts, offered: ZOffered, seen: ZSeen, factor: Number, sin: Number, cos: Number, ops: Arithmetic
+) -> Disjuncts:
+    """Return the margins of a disc around Z_seen: each is the distance of y Z_c + Z_seen, for all y, from the box's
+    impedances in one direction, less the radius. The directions from a corner of the box are margins of their own."""
+    scale, w = sin * cos, sin * offered.reactance
+    radius, corners, x = scale * seen.blur, list[Number](), offered.resistance
+    first = scale * (sum_of(found.resistive) / factor)  # the real part for y = 1/factor, and for y = 1
+    last = first + scale * (x - x / factor)
+    above, below, turned = found.above, found.below, found.turned
+    if above is not None and turned is not None:
+        least = sum_of(above)
+        one, other = (first, least + (w - w / factor)), (last, least)
+        corners += [_from_corner(one, other, radius, ops), _from_corner(other, one, radius, ops)]
+        above, turned = (*above, -radius), (*turned, -(seen.blur * ops.modulus(w, scale * x)))
+    if below is not None:
+        end = first, sum_of(below) / factor
+        corners.append(_from_corner(end, end, radius, ops))
+        below = (*below, -(factor * radius))
+    return Disjuncts((*found.resistive, -(factor * seen.blur)), above, below, turned, tuple(corners))
+
+
+def _from_corner(near: tuple[Number, Number], far: tuple[Number, Number], radius: Number, ops: Arithmetic) -> Number:
+    """Return the distance of a line between two points from a corner at 0, in the direction of the near point, less a
+    radius. What is below 0 of the near point is within the reach of the corner's sides."""
+    p, q = (_positive(part, ops) for part in near)
+    square, along = p * p + q * q, p * far[0] + q * far[1]
+    least = ops.where_positive(along - square, lambda: square, lambda: along)
+    return least / _root(square, radius * radius, ops) - radius
 
 
 def limp_disjuncts(

@@ -26,7 +26,7 @@ class Suspect(NamedTuple):
 
     device: Device
     hand: Hand
-    angles: tuple[float, float]  # omega T, rad
+    angles: tuple[float, float]  # omega T, rad; twice the same if it seems to be there
 
 
 # A function that says where to look for a failure in hands. Whatever it returns, a verdict is proved
@@ -47,7 +47,7 @@ def sums(found: Disjuncts) -> tuple[Number, Number, Number]:
 def crossing(design: Design, demands: Demands, suspect: Suspect) -> float | None:
     """Return an angle next to which a pole is proved on the circle; None if it cannot be proved."""
     assert demands.worlds is not None
-    there = exact_case(replace(design, device=suspect.device), replace(demands, factor=1.0), suspect.hand)
+    there = exact_case(replace(design, device=suspect.device.undisturbed), replace(demands, factor=1.0), suspect.hand)
     low, high = suspect.angles
 
     def at(first: float, last: float) -> tuple[Number, Number, Number]:

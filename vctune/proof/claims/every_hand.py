@@ -62,9 +62,13 @@ def prove_hands(
     box."""
     devices = _devices(design, box)
     for suspect in suspects(design, demands, devices) if demands.worlds and demands.worlds.corner is None else ():
-        if (theta := crossing(design, demands, suspect)) is not None:
-            device = suspect.device if len(devices) > 1 else None
-            return Outcome(Verdict.REFUTED, 0, theta / suspect.device.sample_time, device, suspect.hand)
+        device, hand, (low, high) = suspect
+        theta = crossing(design, demands, suspect) if low < high else None
+        if low == high and _fails_at(replace(design, device=device), demands, hand, low):
+            theta = low
+        if theta is not None:
+            off = device if len(devices) > 1 else None
+            return Outcome(Verdict.REFUTED, 0, theta / device.sample_time, off, hand)
     asked = Asked(design, demands, box)
     found = no_pole_crosses(asked, asked.ends(), asked.tests)
     return _and_without_reserve(found, prove_hands, design, demands, box)
@@ -200,7 +204,7 @@ def _sums_of(
     margins: Callable[[Case, Number], Disjuncts], names: Sequence[str], case: Case, theta: Number
 ) -> tuple[Number, ...]:
     found = margins(case, theta)
-    return tuple(sum_of(getattr(found, name)) for name in names)
+    return (*(sum_of(getattr(found, name)) for name in names), *found.corners)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -369,7 +373,8 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     ends = theta == pi and real  # and a pole may pass z = -1
     found = margins_in_worlds(there, ENCLOSURES.pi if ends else at)
     names = ("resistive",) if ends else margin_names(demands.worlds, demands.factor)
-    return all(surely_negative(sum_of(getattr(found, name))) for name in names)
+    corners = () if ends else found.corners
+    return all(surely_negative(each) for each in (*(sum_of(getattr(found, name)) for name in names), *corners))
 
 
 def _ends(
