@@ -58,7 +58,7 @@ def greatest_failing(device, most, disc, tau):
     return top
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 25))])
+@pytest.mark.parametrize("seed", [0, 14, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 25) if k != 14)])
 def test_a_disc_before_nothing_is_decided_next_to_its_limit(seed):
     rng = np.random.default_rng((77, seed))
     device, most, disc = drawn(rng)

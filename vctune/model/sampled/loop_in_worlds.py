@@ -114,11 +114,14 @@ def _blurred(
 
 def _from_corner(near: tuple[Number, Number], far: tuple[Number, Number], radius: Number, ops: Arithmetic) -> Number:
     """Return the distance of a line between two points from a corner at 0, in the direction of the near point, less a
-    radius. What is below 0 of the near point is within the reach of the corner's sides."""
+    radius. The margin holds for any direction between those of the corner's sides; what is below 0 of the near point
+    is left out of it."""
     p, q = (_positive(part, ops) for part in near)
-    square, along = p * p + q * q, p * far[0] + q * far[1]
-    least = ops.where_positive(along - square, lambda: square, lambda: along)
-    return least / _root(square, radius * radius, ops) - radius
+    here, there = (p * along + q * across for along, across in (near, far))
+    gap, mean = there - here, 0.5 * (here + there)
+    # `where_positive` takes the first where it surely may, and the second elsewhere: both must be bounds
+    least = ops.where_positive(gap, lambda: here, lambda: mean - 0.5 * ops.modulus(gap, 0 * gap))
+    return least / (ops.modulus(p, q) + SPECK * radius) - radius
 
 
 def limp_disjuncts(
