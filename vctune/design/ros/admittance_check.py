@@ -93,7 +93,32 @@ def check_admittance(
         if numbers not in proved:
             proved[numbers] = _checked(problem, tables, given, axis, progress)
         checks.append(_of_axis(proved[numbers], problem, path, axis, given.name))
-    return checks
+    return _with_angles(checks, problem, tables, given, axes)
+
+
+def _with_angles(
+    checks: list[Checked], problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axes: list[Admittance]
+) -> list[Checked]:
+    """Return the checks of proved axes of one servo, which say whether they cover hands at every angle to the axes
+    (model/README.md, section 17)."""
+    if problem.problem.device.kind.own_loop or len(axes) < 2 or any(each.verdict != "passed" for each in checks):
+        return checks
+    laws = {replace(axis, axis="", line=0): axis for axis in axes}
+    loads = {given.load and given.load.inertia(axis.axis) for axis in axes}
+    alike = len(laws) == 1 or all(_proved_by_resistance(tables, given, axis) for axis in laws.values())
+    *others, last = (axis.axis for axis in axes)
+    named = f"{', '.join(others)} and {last}"
+    said = f"also in hands at every angle to {named}"
+    if not alike or len(loads) > 1:
+        said = f"not proved in hands at an angle to {named}, whose {'laws' if not alike else 'tools'} differ"
+    return [replace(each, message=f"{each.message}; {said}") for each in checks]
+
+
+def _proved_by_resistance(tables: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> bool:
+    """Return whether Re Z_c >= factor R is proved of an axis, as with every passive environment behind it."""
+    document = document_of_both({**tables, "environment": {}}, given, axis)
+    problem, _ = problem_at(as_problem(document), "")
+    return problem is not None and judge(problem, *problem.fixed_design).status is Status.CERTIFIED
 
 
 def _require_tool(problem: ProblemFile, path: Path, given: AdmittanceFile) -> AdmittanceFile:

@@ -26,6 +26,11 @@ ClaimId = Literal[
     "wall_in_any_hand",
     "wall_in_hands",
 ]
+# Words of the claims in hands about a servo that moves several axes (model/README.md, section 17)
+ON_AXES = (
+    " On several axes of one servo with the same law it covers hands at every angle to them: symmetric matrices of "
+    "mass, damping and stiffness whose eigenvalues lie in these ranges."
+)
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
 
@@ -161,7 +166,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "A hand of `[operator]` is a mass, a damper and a spring, each within its range. In each such hand "
                 "the device is stable with every environment that is passive as it runs. The claim is about the exact "
-                "sampled loop, including aliasing. It does not cover a hand outside these ranges."
+                "sampled loop, including aliasing. It does not cover a hand outside these ranges." + ON_AXES
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is None and not demands.rigid,
         ),
@@ -177,7 +182,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "environment is a mass, a damper and a spring, each within its range, stepped by the trapezoidal "
                 "rule. The device remains stable if the coupling is divided by any number from 1 to the "
                 "safety factor. The claim is about the exact sampled loop, including aliasing. It does not cover "
-                "other hands and environments."
+                "other hands and environments." + ON_AXES
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
