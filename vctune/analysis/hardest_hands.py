@@ -217,7 +217,7 @@ def rooms_at_walls(shares: MetInShares, sample_time: float, theta: Floats, met: 
         strip = strip_in_walls(at, worlds, sample_time, seen, left, theta, FLOATS)
         for lead in LEADS:
             found = disjuncts_in_walls(strip, worlds, lead, sample_time, theta, FLOATS)
-            each = [np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]
+            each = [np.asarray(room_of(terms, np.abs)) for terms in found if terms]
             rooms[AtWall(share, lead)] = np.maximum.reduce(each)
     return rooms
 

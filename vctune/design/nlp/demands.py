@@ -368,7 +368,7 @@ def _margin_with_walls(at: InHands, walls: InWalls, sought: Sought) -> Number:
     box = Worlds(worlds.low, high, True, sought.corner)
     strip = strip_in_walls(met, box, 1.0, _seen(at.loop, sought.gains), walls.at.share, at.theta, CASADI)
     found = disjuncts_in_walls(strip, box, walls.at.lead, 1.0, at.theta, CASADI)
-    margins = [room_of(terms, ca.fabs) - worlds.spare for terms in found if terms is not None]
+    margins = [room_of(terms, ca.fabs) - worlds.spare for terms in found if terms]
     return walls.walled * _greatest(margins, 2) + (1 - walls.walled) * _margin_in_worlds(at, sought)
 
 
