@@ -116,6 +116,14 @@ def test_what_the_law_does_not_permit_is_told(tmp_path):
     (tmp_path / "law.toml").write_text('[coupling]\nrule = "euler"\nmass = 0.1\ndrag = 60.0\n')
     done = vctune("check", "arm.toml", "law.toml", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT and "law.toml:3: coupling.mass" in done.stdout
+    for law, words in (
+        ('rule = "euler"\nmass = 6.0\n', "law.toml:1: coupling.drag: is missing"),
+        ('rule = "euler"\nmass = 6.0\ndrag = 1.0\ndamping = 3.0\n', "law.toml:5: coupling.damping: unknown key"),
+    ):
+        (tmp_path / "law.toml").write_text(f"[coupling]\n{law}")
+        assert words in vctune("check", "arm.toml", "law.toml", cwd=tmp_path).stdout
+    (tmp_path / "law.toml").write_text('[coupling]\nrule = "trapezoid"\ndamping = inf\nmass = 6.0\ndrag = 120.0\n')
+    assert vctune("check", "arm.toml", "law.toml", cwd=tmp_path).returncode == ExitCode.OK
 
 
 def test_the_simulation_steps_the_law():

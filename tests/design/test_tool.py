@@ -71,6 +71,10 @@ def test_a_ros_file_states_its_tool(tmp_path):
     assert passed == ExitCode.OK and "the tool of" in said
     assert checked(tmp_path, force=1.03 * float(found[2]))[0] == ExitCode.FAILED
     assert checked(tmp_path, force=0.0)[0] == ExitCode.OK
+    text = (tmp_path / "ros.yaml").read_text()
+    for empty in ("gravity_compensation:", "gravity_compensation: {CoG: {pos: [0.0, 0.0, 0.0]}}"):
+        (tmp_path / "ros.yaml").write_text(re.sub("gravity_compensation:.*", empty, text))
+        assert vctune("check", "arm.toml", "ros.yaml", cwd=tmp_path).returncode == ExitCode.OK
 
 
 def test_the_tool_of_a_problem_and_of_its_file_agree(tmp_path):

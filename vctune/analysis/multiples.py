@@ -18,8 +18,7 @@ from vctune.analysis.extrema import Floats, last_to_hold, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
 from vctune.analysis.loops_in_hands import loops_in_hands
-from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, zoomed
-from vctune.analysis.worst_hand import suspects as of_nominal
+from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, suspects_of_nominal, zoomed
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
@@ -67,8 +66,11 @@ def least_ratio_in_worlds(
 
 
 def suspects(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
-    """Yield the suspects of `worst_hand`, and hands in which some response of a disc seems to be at its limit."""
-    yield from of_nominal(design, demands, devices)
+    """Yield the suspects of the nominal response, and hands in which one of a disc seems to be at its limit.
+
+    It is what `vctune.proof.certificate.certify` asks for.
+    """
+    yield from suspects_of_nominal(design, demands, devices)
     if demands.worlds is None or demands.hands is None:
         return
     for device in devices:

@@ -75,11 +75,8 @@ def _around(hands: Hands, middle: Hand, width: float) -> list[Hand]:
     return [Hand(*numbers) for numbers in product(*rows)]
 
 
-def suspects(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
-    """Yield hands of the box in which a pole seems to be on the unit circle, or outside it before a wall.
-
-    It is what `vctune.proof.certificate.certify` asks for.
-    """
+def suspects_of_nominal(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
+    """Yield hands of the box in which a pole seems to be on the unit circle, or outside it before a wall."""
     assert demands.hands is not None
     if demands.rigid and isinstance(design.coupling, SpringDamper):
         for device in devices:

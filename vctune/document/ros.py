@@ -310,7 +310,9 @@ class _Reader:
         return float(value)
 
     def _table(self, name: str) -> Mapping[str, Any]:
-        table = self.given.get(name, {})
+        table = self.given.get(name)
+        if table is None:
+            return {}
         if isinstance(table, Mapping):
             return table
         self._wrong(name, f"is {_shown(table)}: must be a table")

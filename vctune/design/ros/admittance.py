@@ -55,16 +55,15 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     it."""
     device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
-    coupling = coupling_of_admittance(axis, T, servo="servo" in device)
     if "servo" in device:
-        device = _as_servo(device, axis)
+        device, numbers = _as_servo(device, axis), {"rule": "euler", "mass": axis.mass, "drag": axis.damping}
+    else:
+        coupling = coupling_of_admittance(axis, T)
+        numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     part, name = FILTER.split(".")
     sensor = {key: value for key, value in device.get(part, {}).items() if key != name}
     sensor |= {name: coefficient} if coefficient < 1 else {}
     device = {**device, part: sensor} if sensor else {key: value for key, value in device.items() if key != part}
-    numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
-    if "servo" in device:
-        numbers = {"rule": "euler", "mass": axis.mass, "drag": axis.damping}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     if "gravity_compensation" in document:
         load = document["gravity_compensation"]["CoG"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, create_model
 
 from vctune.document.schema.validation import schema_of
 from vctune.model.device import Device
@@ -373,15 +373,21 @@ class SteppedTable(Table):
 
 
 def _law(value: Any) -> str:
-    rule = value.get("rule") if isinstance(value, dict) else getattr(value, "rule", None)
-    return "<trapezoid>" if rule is None else "<euler>"
+    return "<euler>" if isinstance(value, dict | SteppedTable) and "rule" in dict(value) else "<trapezoid>"
+
+
+def _without_usual_rule(value: Any) -> Any:
+    usual = isinstance(value, dict) and value.get("rule") == "trapezoid"
+    return {key: number for key, number in value.items() if key != "rule"} if usual else value
 
 
 class ServoGainsDocument(Table):
     """A vctune gains file of a servo, which has a coupling but no gains."""
 
     coupling: Annotated[
-        Annotated[Coupling, Tag("<trapezoid>")] | Annotated[SteppedTable, Tag("<euler>")], Discriminator(_law)
+        Annotated[Coupling, Tag("<trapezoid>")] | Annotated[SteppedTable, Tag("<euler>")],
+        Discriminator(_law),
+        BeforeValidator(_without_usual_rule),
     ]
     design: OriginTable = Field(default_factory=OriginTable)
 

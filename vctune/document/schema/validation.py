@@ -19,7 +19,8 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 MAX_MISTAKES = 25  # Greatest number of mistakes that one error lists
 # Tags of the alternative forms of a key's value, in pairs: the first and the second form
 TAGS = (
-    "<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>", "<list>", "<spread>"
+    "<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>", "<list>", "<spread>",
+    "<trapezoid>", "<euler>",
 )  # fmt: skip
 LONG = 60  # Greatest length of a key or a value that a message quotes, in characters
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
