@@ -19,6 +19,7 @@ from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, stacked
 from vctune.design.prepared import problems_beside
+from vctune.design.rest_record import REST, rest_record
 from vctune.design.result import Solved
 from vctune.design.variables import design_of, keys_for, near, point, ranges
 from vctune.document.doubts import file_doubts
@@ -98,6 +99,10 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
             parts["contact"] = contact_record(problem, judgement)
         except OutOfTimeError:
             solved = replace(solved, cut=(*solved.cut, CONTACT))
+        try:
+            parts["rest"] = rest_record(problem, judgement)
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, REST))
         with unlimited():
             parts |= _judged(problem, judgement)
             touched, warned = _touched(problem, judgement), warnings(problem, judgement)
@@ -107,7 +112,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         "rule": "euler" if problem.device.rule == "euler" else None,
         "tried": solved.tried or None,
         "nearest": _nearest(solved),
-        **{name: parts.pop(name, None) for name in ("contact", "felt", "uncertainty")},
+        **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "uncertainty")},
     }
     said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
     return DesignRecord(

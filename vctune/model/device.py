@@ -52,6 +52,10 @@ class Device:
             "uncertainty included."
         ),
     ] = 0.0
+    friction: Annotated[
+        NotNegative | None,
+        Key("Dry (Coulomb) friction of the motor, N. No proof of stability counts on it. Default: not stated."),
+    ] = None
     hold: Annotated[Hold, Key("Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT).")] = "zoh"
     operator: Internal[LeastOperator | None] = None  # the least operator, a load that is always at the handle
     velocity: Annotated[VelocityEstimate | None, Key("Default: measured without delay.")] = None
@@ -105,7 +109,8 @@ class Device:
     @property
     def ideal(self) -> bool:
         """Whether the device is rigid and measures, actuates and senses without delay."""
-        return self.unmodelled is None and all(getattr(self, part) is None for part in PARTS if part != "servo")
+        others = (getattr(self, part) is None for part in PARTS if part not in ("servo", "force_sensor"))
+        return self.unmodelled is None and all(others) and not self.senses_late
 
     @property
     def modelled(self) -> Device:
@@ -199,6 +204,8 @@ class Device:
         quantities = {key: each.quantity for key, each in PART_NUMBERS.items()} | {LATENCY: "time"}
         scaled = {key: value / units[quantities[key]] for key, value in numbers.items()}
         same = self.with_numbers(scaled)
+        if same.friction is not None:
+            same = replace(same, friction=same.friction * time / impedance)
         if same.servo is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.servo.radii)
             same = replace(same, servo=replace(same.servo, radii=radii))
@@ -241,8 +248,8 @@ class Device:
 
     @property
     def senses_late(self) -> bool:
-        """Whether the device has a force sensor that is not ideal: with a low-pass, a delay or a filter."""
-        return self.force_sensor is not None
+        """Whether the device has a force sensor with a low-pass, a delay or a filter."""
+        return replace(self.sensing, resolution=None) != ForceSensor()
 
     @property
     def sensing_at_once(self) -> Device:

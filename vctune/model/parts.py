@@ -45,7 +45,7 @@ class VelocityEstimate:
         Positive | None,
         Key(
             "Resolution of the position that is differenced, m; one count of the encoder. The report states the force "
-            "of a count; no claim depends on it. Default: not stated."
+            "of a count and what it makes the handle do at rest. Default: not stated."
         ),
     ] = None
 
@@ -94,6 +94,13 @@ class ForceSensor:
             "filter.",
             "ratio",
             certain=True,
+        ),
+    ] = None
+    resolution: Annotated[
+        Positive | None,
+        Key(
+            "Resolution of the sensed force, N. The report states what its steps make the handle do. Default: not "
+            "stated."
         ),
     ] = None
 

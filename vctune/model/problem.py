@@ -89,6 +89,7 @@ class Stability:
     safety_factor: float  # least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
     max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
     criterion: Criterion = "passive"  # hands that the problem requires
+    rest: bool = False  # whether the device must rest between the steps of its encoder (`vctune.model.rest`)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +105,7 @@ class Demands:
     hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
     worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
     rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
+    rest: bool = False  # whether the device must rest between the steps of its encoder
 
     @property
     def alone(self) -> bool:
@@ -222,6 +224,7 @@ class Problem:
             hands=self.hands_met,
             worlds=self.worlds,
             rigid=self.rigid,
+            rest=stability.rest,
         )
 
     @property

@@ -12,6 +12,7 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
 from vctune.model.problem import Demands
+from vctune.model.rest import rests
 from vctune.proof.claims.crossing import Suspects, no_suspects
 from vctune.proof.claims.delays import beside_whole_sample, may_jump
 from vctune.proof.claims.every_hand import (
@@ -159,6 +160,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "wall_in_hands": lambda question, _: prove_wall_in_hands(
         question.design, question.demands, question.box, question.suspects
     ),
+    "rests": lambda question, _: Outcome(Verdict.PROVED if rests(question.design) else Verdict.REFUTED, 1),
 }
 
 

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from vctune.analysis.demands import transparency_error
 from vctune.document.reading import digest_mistakes, stated_problem
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
-from vctune.document.records.felt_json import ContactRecord, InHandRecord
+from vctune.document.records.felt_json import ContactRecord, InHandRecord, RestRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     ProblemRecord,
@@ -193,6 +193,7 @@ class DesignRecord(SealedDocument):
         "contact": "contact",
         "transparency": "transparency",
         "felt": "in the hand",
+        "rest": "at rest",
         "certificate": "certificate",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
@@ -217,6 +218,7 @@ class DesignRecord(SealedDocument):
     prices: list[Price] | None = None
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
+    rest: RestRecord | None = None
     at_bound: list[str]
     warnings: list[str]
     solver: dict[str, Any] = Field(default_factory=dict)

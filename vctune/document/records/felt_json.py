@@ -66,6 +66,61 @@ def _short(value: float) -> str:
     return f"{float(text(value, 3 if abs(value) >= 100 else 2)):g}"
 
 
+class ChatterRecord(Part):
+    """The most that the steps of a reading cause at rest, in the worst hand, without friction; null without a bound."""
+
+    step: float  # m of the encoder, N of the force sensor
+    chatter_m: Number = None  # half of what the handle moves, by the encoder
+    chatter_m_s: Number = None  # half of what its velocity varies, by the force sensor
+    chatter_N: Number = None  # half of what the motor's force varies
+    hand: Hand
+
+    def row(self, reading: str, units: Units) -> Row:
+        """Return the bounds with their reading and hand."""
+        of_encoder = reading == "encoder"
+        value, unit = (self.chatter_m, units.position) if of_encoder else (self.chatter_m_s, units.speed)
+        step = _milli(self.step, units.position) if of_encoder else f"{text(self.step, 3)} {units.force}"
+        force = f" and {text(self.chatter_N, 3)} {units.force}" if self.chatter_N else ""
+        shown = "" if value is None else _milli(value, unit)
+        value_text, _, unit_text = shown.partition(" ")
+        where = f"from steps of {step} of the {reading}, in the hand of {self.hand.in_words(units)}"
+        return Row("chatter at most", value_text or "none", f"{unit_text}{force} {where}; computed, without friction")
+
+
+def _milli(value: float, unit: str) -> str:
+    """Return a small length or angle, or a small speed."""
+    return f"{text(1e3 * value, 4)} m{unit}" if value < 1 else f"{text(value, 4)} {unit}"
+
+
+class RestRecord(Part):
+    """What a device does at rest: whether its friction holds it between two readings, and what their steps cause."""
+
+    spring: Literal["k_c", "K_p"] | None = None  # the stiffness that the read position drives
+    step_N: Number = None  # greatest force of a step of the encoder, by the spring and by the damper
+    damper_step_N: Number = None
+    friction_N: Number = None
+    rests: bool | None = None  # whether the friction holds the spring's step both ways; null if one is not known
+    settles: bool | None = None  # whether every motion comes to rest; null if that is not known
+    encoder: ChatterRecord | None = None
+    force_sensor: ChatterRecord | None = None
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield whether it rests and whether it comes to rest, and the chatter, computed and not proved."""
+        if self.rests is not None and self.step_N is not None and self.friction_N is not None:
+            step, twice = text(self.step_N, 4), text(2 * self.friction_N, 4)
+            verb = "is at most" if self.rests else "is more than"
+            holds = f"{self.spring} q = {step} {units.force} {verb} twice the friction, {twice} {units.force}"
+            yield Row("rests", "yes" if self.rests else "no", f"where it stops: {holds}")
+        if self.rests and self.settles is not None:
+            damper = f"the damper's {text(self.damper_step_N, 4)} {units.force} a step"
+            all_of_it = f"from every motion: the friction also holds {damper}"
+            some = f"{damper} may keep it trembling within a step, where the force is between two readings"
+            yield Row("comes to rest", "yes" if self.settles else "mostly", all_of_it if self.settles else some)
+        for reading, of in (("encoder", self.encoder), ("force sensor", self.force_sensor)):
+            if of is not None:
+                yield of.row(reading, units)
+
+
 class LatencyPartRecord(Part):
     """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m."""
 

@@ -37,6 +37,7 @@ from vctune.model.problem import (
     Transparency,
     Uncertainty,
 )
+from vctune.model.rest import greatest_at_rest
 from vctune.model.servo import delays_in_latency
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
@@ -108,7 +109,11 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     absent = dict.fromkeys(("velocity", "position", "damping", "mass", "drag"), ABSENT)
     if device.rule == "euler":
         absent["damping"] = Range(inf, inf)
-    return Bounds(**absent | {key: _range(value, *usual[key]) for key, value in stated.items()})
+    found = absent | {key: _range(value, *usual[key]) for key, value in stated.items()}
+    stiffest, key = greatest_at_rest(device), "stiffness" if kind.inverse else "position"
+    if document.stability.rest and stiffest is not None and not found[key].fixed:
+        found[key] = Range(min(found[key].min, stiffest), min(found[key].max, stiffest))
+    return Bounds(**found)
 
 
 def _hands(table: OperatorTable, units: UnitSystem) -> Hands:

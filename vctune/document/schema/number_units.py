@@ -14,14 +14,18 @@ QUANTITIES = {
     "damping": ("damping", "drag", "kd", "reference_impedance"),
     "stiffness": ("stiffness", "kp"),
     "integral_gain": ("ki",),
-    "force": ("coulomb", "stiction", "limit", "force_noise"),
+    "force": ("friction", "coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution", "resolution"),
     "speed": ("stribeck_velocity", "speed"),
     "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 # Quantity of each number whose quantity depends on the whole key, not only on the last part of the key
-BY_KEY = OF_KEYS | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
+BY_KEY = (
+    OF_KEYS
+    | {"device.force_sensor.resolution": "force"}
+    | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
+)
 WITHOUT_UNIT = ("uncertainty", "weights")  # Tables of numbers that have no unit
 
 

@@ -307,6 +307,12 @@ class StabilityTable(Table):
         "[environment], any one in its box; of such boxes only that of nothing (mass.max = 0, stiffness.max = 0) "
         'allows "passive" and "both".',
     )
+    rest: Flag = Field(
+        False,
+        description="Whether the device must rest wherever it stops: the force of one step of "
+        "device.velocity.resolution may be at most twice device.friction. This limits coupling.stiffness of an "
+        "impedance display and gains.position of an admittance display.",
+    )
 
 
 class ProblemDocument(Table):

@@ -91,6 +91,8 @@ MEANINGLESS: dict[str, dict[str, str]] = {
         "gains": "its loop is the vendor's; only the coupling is designed",
         "coupling.stiffness": "its coupling is damping and mass in series, beside drag",
         "stability.band_hz": "its requirements are proved at every frequency up to the Nyquist frequency",
+        "device.friction": _UNMOVED,
+        "stability.rest": _UNMOVED,
         "uncertainty.mass": _UNMOVED,
         "uncertainty.damping": _UNMOVED,
         "uncertainty.delay": 'the delay is "servo.delay"',
@@ -109,7 +111,9 @@ MEANINGLESS_IN_EXPERIMENT = {
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the contradictions in the valid parts of a problem's tables."""
     file = Stated(raw)
-    rules = (_ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _law, _names, _rotary_hands)
+    rules = (
+        _ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _law, _rest, _names, _rotary_hands
+    )  # fmt: skip
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
     for index, table in enumerate(file.tables("experiment")):
         one = Stated(raw | {"experiment": table})
@@ -386,6 +390,22 @@ def _law(file: Stated) -> Found:
         yield "coupling.rule", '"euler" is not solved for with walls; fix mass and drag, or leave it out'
     if mass <= (least := drag * file.T):
         yield "coupling.mass", f"{mass:g} is not above drag times sample_time, {least:g}: {BEYOND_REST}"
+
+
+def _rest(file: Stated) -> Found:
+    """Yield a demand of rest without friction or resolution, and with a range of which nothing rests."""
+    if file.value("stability.rest") is not True or file.servo:
+        return
+    needed = {"device.friction": "dry friction, N", "device.velocity.resolution": "step of the encoder, m"}
+    for key, what in needed.items():
+        if file.value(key) is None:
+            message = f"needs {key}, the {file.units.translated(what)}; state it, or leave rest out"
+            yield "stability.rest", message
+    key = "coupling.stiffness" if file.impedance else "gains.position"
+    stiffest = 2 * file("device.friction") / file("device.velocity.resolution", nan)
+    if (least := file(f"{key}.min")) > stiffest:
+        message = f"min = {least:g} is above 2 friction/resolution = {stiffest:g}, the greatest that rests; lower it"
+        yield key, message
 
 
 def _hands_of_servo(file: Stated) -> Found:

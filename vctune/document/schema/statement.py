@@ -26,6 +26,7 @@ def statement(problem: Problem) -> dict[str, Any]:
     rule = [(["coupling", "rule"], device.rule)] if device.rule != "trapezoid" else []
     constraints = {"safety_factor": stability.safety_factor, "criterion": stability.criterion}
     constraints |= {"max_sensitivity": stability.max_sensitivity} if device.kind.own_loop else {}
+    constraints |= {"rest": True} if stability.rest else {}
     uncertainty: dict[str, Any] = {}
     radii = device.servo.radii if device.servo is not None else ()
     if problem.uncertainty is not None:
@@ -59,6 +60,7 @@ def device_table(device: Device) -> dict[str, Any]:
     own = ["sample_time"] if device.servo else ["mass", "damping", "sample_time", "delay", "hold"]
     own += ["units"] if device.units != "linear" else []
     own += ["display"] if device.kind.inverse else []
+    own += ["friction"] if device.friction is not None else []
     table: dict[str, Any] = {name: getattr(device, name) for name in own}
     if (servo := device.servo) is not None and servo.latency is not None:
         device = replace(device, servo=replace(servo, delay=servo.latency, latency=None))

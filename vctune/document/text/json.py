@@ -134,6 +134,11 @@ def problem_digest(problem: Problem) -> str:
     if not problem.device.summed:
         del stated["device"]["summed"]
     (stated["device"]["servo"] or {}).pop("max_acceleration", None)  # no design depends on it
+    if problem.device.friction is None:
+        del stated["device"]["friction"]
+    if not problem.stability.rest:
+        del stated["stability"]["rest"]
+    (stated["device"]["force_sensor"] or {}).pop("resolution", None)  # no design depends on it
     velocity = stated["device"]["velocity"] or {}
     if resolution := velocity.pop("resolution", None):
         stated["device"]["resolution"] = resolution

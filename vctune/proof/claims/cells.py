@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf
@@ -14,7 +14,9 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, Hands, PlacesInHands
 from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.units import KEYS, SPRING_KEYS
 from vctune.model.problem import Demands
+from vctune.model.rest import greatest_at_rest
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
@@ -177,7 +179,7 @@ def _above_bound(case: Case, theta: Number) -> Number:
 
 # Identifiers of the claims that this module can prove for cells
 OF_CELLS: tuple[ClaimId, ...] = (
-    "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands", "wall_in_any_hand"
+    "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands", "wall_in_any_hand", "rests"
 )  # fmt: skip
 GUARD = 1e-14  # Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53
 ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be this far apart to exclude each other
@@ -189,7 +191,15 @@ def proved_cells(demands: Demands, cells: Cells) -> Flags:
     known = set(claims_asked(demands)) <= set(OF_CELLS) and demands.worlds is None
     for at in by_integrator(cells) if known else ():
         proved[at] = _proved(demands, of_cells(demands, cells.subset(at)))
-    return proved
+    return proved & (_stiffness_over_rest(demands, cells.keys, cells.high) <= 0)
+
+
+def _stiffness_over_rest(demands: Demands, keys: Sequence[str], numbers: Floats) -> Floats:
+    """Return by how much the stiffness that is read in steps exceeds the greatest that rests; -inf without the
+    demand."""
+    greatest = greatest_at_rest(demands.device) if demands.rest else None
+    key = SPRING_KEYS[3] if demands.device.kind.inverse else KEYS[1]
+    return numbers[keys.index(key)] - (inf if greatest is None else greatest)
 
 
 def by_integrator(cells: Cells) -> list[Integers]:
@@ -298,7 +308,7 @@ class FailingPlaces:
 
 def refuted(demands: Demands, cells: Cells, places: FailingPlaces) -> Flags:
     """Return the cells in which no design meets all constraints."""
-    fails = np.zeros(len(cells), bool)
+    fails = _stiffness_over_rest(demands, cells.keys, cells.low) > 0
     for at in by_integrator(cells):
         part, there = cells.subset(at), places.subset(at)
         asked: list[tuple[Callable[[Case, Number], Number], Floats | PlacesInHands]]
@@ -313,7 +323,7 @@ def refuted(demands: Demands, cells: Cells, places: FailingPlaces) -> Flags:
         left = np.flatnonzero(~lost)
         found = pole_turns(of_cells(demands, part.subset(left)), in_hand=True)
         lost[left] = np.any([np.isfinite(each.number) & (each.number != 0) for each in found], axis=0)
-        fails[at] = lost
+        fails[at] |= lost
     return fails
 
 

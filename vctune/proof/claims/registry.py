@@ -25,13 +25,14 @@ ClaimId = Literal[
     "walls",
     "wall_in_any_hand",
     "wall_in_hands",
+    "rests",
 ]
 # Words of the claims in hands about a servo that moves several axes (model/README.md, section 17)
 ON_AXES = (
     " On several axes of one servo with the same law it covers hands at every angle to them: symmetric matrices of "
     "mass, damping and stiffness whose eigenvalues lie in these ranges."
 )
-Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "rest"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,8 @@ class Claim:
     """A statement about a design that a certificate proves or refutes."""
 
     id: ClaimId  # public name in design.json; once a file contains it, it never changes
-    sentence: str  # the statement; {couples} stands for Z_c or 1/Z_c, {passive} for "any passive hand"
+    # the statement; {couples} stands for Z_c or 1/Z_c, {spring} for k_c or K_p, {passive} for "any passive hand"
+    sentence: str
     quantity: Quantity  # the limited quantity, by the name that the search's constraints use
     margin: str
     witness: str  # description of the place where the claim fails
@@ -49,7 +51,7 @@ class Claim:
 
     def said_of(self, kind: Display, passive: str = "any passive hand") -> str:
         """Return the claim's statement about a kind of display, with any passive hand in words."""
-        return self.sentence.format(couples=kind.couples, passive=passive)
+        return self.sentence.format(couples=kind.couples, passive=passive, spring="k_c" if kind.inverse else "K_p")
 
 
 # All claims, in the order of a certificate
@@ -234,6 +236,23 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "loop, and does not cover a contact that is made and broken."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.rigid,
+        ),
+        Claim(
+            id="rests",
+            sentence="the friction holds the force of one step of the encoder both ways: {spring} q <= 2 f",
+            quantity="rest",
+            margin="model.rest.rests",
+            witness="none; the claim is about rest",
+            label="rest between steps of the encoder",
+            explain=(
+                "At every constant force of the hand there is a reading of the encoder at which the dry friction "
+                "`device.friction` holds the handle: where it has stopped, it stays. The two forces of neighbouring "
+                "readings differ by the stiffness times `device.velocity.resolution`, at most twice the friction "
+                "(Abbott and Okamura). The claim is exact in the decimals of the file. It does not say that every "
+                "motion comes to rest: a damper answers a step of the reading with a force of its own, which the "
+                "record states beside it."
+            ),
+            asked=lambda demands, _: demands.rest,
         ),
     )
 }

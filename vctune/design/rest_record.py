@@ -1,0 +1,79 @@
+"""Record what a device does at rest: whether its friction holds it, and what the steps of its readings cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from vctune.analysis.chatter import Caused, Reading, caused_by, encountered
+from vctune.design.judging.judge import Judgement
+from vctune.document.records.felt_json import ChatterRecord, RestRecord
+from vctune.model.design import Design
+from vctune.model.hands import Hand, Hands
+from vctune.model.problem import Problem
+from vctune.model.rest import read_in_steps, rests, settles, step_of_damper, stiffness_read
+from vctune.proof.claims.registry import ClaimId
+from vctune.proof.outcome import Verdict
+
+REST = "the chatter at rest"  # Name of a part that a time limit may leave out
+# Shares of the range of stiffness, with which the hardest vertex is softened: the worst spring lies inside the range
+SOFTER = (0.001, 0.01, 0.03, 0.1, 0.3, 0.6)
+AT_THE_PORT: tuple[ClaimId, ...] = ("any_hand", "wall_in_any_hand")  # Claims that the port of the handle is passive
+
+
+def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
+    """Return what a design does at rest; None if no step of a reading is known."""
+    device, gains, coupling = problem.device, judgement.gains, judgement.coupling
+    q, q_f, f = read_in_steps(device), device.sensing.resolution, device.friction
+    if q is None and q_f is None:
+        return None
+    outcomes, found = judgement.certificate.outcomes, dict[str, Any]()
+    if q is not None:
+        found["spring"] = "k_c" if device.kind.inverse else "K_p"
+        found["step_N"] = stiffness_read(gains, coupling) * q
+        found["damper_step_N"] = step_of_damper(device, gains, coupling)
+    if q is not None and f is not None:
+        design = Design(device, gains, coupling)
+        found |= {"friction_N": f, "rests": rests(design)}
+        passive = any(outcomes[claim].verdict is Verdict.PROVED for claim in AT_THE_PORT if claim in outcomes)
+        if not settles(design) or (passive and device.structure is None):
+            found["settles"] = settles(design)
+    if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
+        found["encoder"] = _chatter("encoder", problem, judgement, q)
+        found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
+    return RestRecord(**{name: value for name, value in found.items() if value is not None})
+
+
+def _chatter(reading: Reading, problem: Problem, judgement: Judgement, step: float | None) -> ChatterRecord | None:
+    """Return the worst that the steps of a reading cause on any device of the problem, in any of its hands."""
+    cases = judgement.posed.hand_cases or judgement.posed.cases
+    devices = dict.fromkeys(case.device.undisturbed.bare for case in cases)
+    law, boxed = (judgement.gains, judgement.coupling, encountered(problem)), hands_at_rest(problem)
+    hardest = [at.hand for at in judgement.margins if at.hand is not None]
+    each = list[Caused]()
+    for device in devices if step is not None else ():
+        worst = caused_by(reading, device, list(dict.fromkeys([*boxed.corners, *hardest])), *law)
+        softer = caused_by(reading, device, [_with_share(worst.hand, boxed, share) for share in SOFTER], *law)
+        each += [worst, softer]
+    if step is None:
+        return None
+    found = max(each, key=lambda of: of.motion)
+    moved = {"chatter_m" if reading == "encoder" else "chatter_m_s": found.motion}
+    force = {} if problem.device.servo is not None else {"chatter_N": max(of.force for of in each)}
+    return ChatterRecord(step=step, hand=found.hand, **moved, **force)
+
+
+def _with_share(hand: Hand, boxed: Hands, share: float) -> Hand:
+    """Return a hand with a share of the range of stiffness."""
+    low, high = boxed.low.stiffness, boxed.high.stiffness
+    return replace(hand, stiffness=float(low + share * (high - low)))
+
+
+def hands_at_rest(problem: Problem) -> Hands:
+    """Return the hands in which the chatter is taken: those of [operator], or the least operator of a problem that asks
+    for no box of hands."""
+    if problem.stability.criterion != "passive":
+        return problem.hands
+    least = problem.device.operator
+    alone = Hand(0.0, 0.0, 0.0) if least is None else Hand(least.mass, least.damping, 0.0)
+    return Hands(alone, alone)
