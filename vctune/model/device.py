@@ -52,10 +52,6 @@ class Device:
             "uncertainty included."
         ),
     ] = 0.0
-    friction: Annotated[
-        NotNegative | None,
-        Key("Dry (Coulomb) friction of the motor, N. No proof of stability counts on it. Default: not stated."),
-    ] = None
     hold: Annotated[Hold, Key("Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT).")] = "zoh"
     operator: Internal[LeastOperator | None] = None  # the least operator, a load that is always at the handle
     velocity: Annotated[VelocityEstimate | None, Key("Default: measured without delay.")] = None
@@ -78,6 +74,10 @@ class Device:
             "every kg, m and N of this file. The mass is then the moment of inertia. The keys keep their names."
         ),
     ] = "linear"
+    friction: Annotated[
+        NotNegative | None,
+        Key("Dry (Coulomb) friction of the motor, N. No proof of stability counts on it. Default: not stated."),
+    ] = None
 
     def __repr__(self) -> str:
         values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}
