@@ -197,7 +197,9 @@ def test_an_experiment_needs_but_a_name_and_a_friction_but_its_size():
     )
     assert parse_problem(text, "x.toml", "x").experiments == (least,)
     (rubbed,) = parse_problem(text + "friction = { coulomb = 0.3 }\n", "x.toml", "x").experiments
-    assert rubbed.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
+    assert rubbed.friction == Friction(0.3, 0.3, 0.005, None, 0.0)
+    (bristled,) = parse_problem(text + "friction = { coulomb = 0.3, stiction = 0.4 }\n", "x.toml", "x").experiments
+    assert bristled.friction == Friction(0.3, 0.4, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2))

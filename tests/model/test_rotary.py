@@ -123,7 +123,7 @@ def test_an_experiment_states_what_has_a_length_in_it():
     asked = set(re.findall(r"experiment\[0\]\.(\w+\.\w+): is missing", message))
     assert asked == {
         *("operator.to", "operator.speed", "operator.damping", "operator.stiffness"),
-        *("friction.stribeck_velocity", "friction.stiffness"),
+        "friction.stribeck_velocity",
     }
 
 

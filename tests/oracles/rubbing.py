@@ -108,6 +108,7 @@ class Seen:
     moved: Floats
     pushed: Floats
     speed: Floats
+    trace: Floats  # positions at the samples, shape (samples, handles)
 
 
 def run(
@@ -134,7 +135,7 @@ def run(
     before, first, second = q * np.floor(at / q + 0.5), 0.0 * a, 0.0 * a
     low, high = np.full((2, len(walls)), inf), np.full((2, len(walls)), -inf)
     fastest = np.zeros(len(walls))
-    samples = round(seconds / T)
+    samples, trace = round(seconds / T), list[Floats]()
     for sample in range(samples):
         read = q * np.floor(body[:, 0] / q + 0.5)
         first = first + a * ((read - before) / T - first)
@@ -142,6 +143,8 @@ def run(
         before, forces = read, np.roll(forces, 1, axis=0)
         forces[0] = -(k * read + b_c * second)
         watched = sample >= samples - round(last / T)
+        if watched:
+            trace.append(body[:, 0].copy())
         for part, command in enumerate((forces[whole + 1, every], forces[whole, every])):
             for _ in range(parts):
                 free = np.einsum("nij,nj->ni", over[part], body) + of_force[part] * command[:, None]
@@ -153,4 +156,4 @@ def run(
                     low[0], high[0] = np.minimum(low[0], body[:, 0]), np.maximum(high[0], body[:, 0])
         if watched:
             low[1], high[1] = np.minimum(low[1], forces[0]), np.maximum(high[1], forces[0])
-    return Seen((high[0] - low[0]) / 2, (high[1] - low[1]) / 2, fastest)
+    return Seen((high[0] - low[0]) / 2, (high[1] - low[1]) / 2, fastest, np.array(trace))

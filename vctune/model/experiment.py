@@ -12,7 +12,7 @@ from pydantic_core.core_schema import nullable_schema
 from vctune.model.fields import Flag, Key, NotNegative, NotNegativeOrNull, Place, Positive, record
 from vctune.model.numbers.units import UnitSystem
 
-Motion = Literal["reciprocate", "sine"]
+Motion = Literal["reciprocate", "sine", "kick", "hold"]
 MOST_LATE = 10  # Greatest permitted lateness of an environment in samples
 # Rule by which the firmware integrates mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule,
 # or explicit Euler
@@ -66,27 +66,48 @@ class MovingHand:
 
     motion: Annotated[
         Motion,
-        Key("Intended motion: to and fro at constant speed, with a fifth of each stroke for turning, or a sine."),
+        Key(
+            "Intended motion: to and fro at constant speed, with a fifth of each stroke for turning, or a sine. "
+            '"hold": the hand stays at `to`. "kick": it stays there, and the handle starts at `from` with `speed` '
+            "towards it."
+        ),
     ] = "reciprocate"
     start: Annotated[Place, Field(alias="from"), Key("Position, m, at which the intended motion starts.")] = 0.0
     end: Annotated[Place, Field(alias="to"), Key("Position, m, of the other end of the motion.")] = 0.05
-    speed: Annotated[Positive, Key("Greatest speed of the intended motion, m/s.")] = 0.01
+    speed: Annotated[Positive, Key("Greatest speed of the intended motion, or speed of the kick, m/s.")] = 0.01
     cycles: Annotated[
-        Count, Key("Number of cycles to and fro. With more than one cycle, vctune does not evaluate the first.")
+        Count,
+        Key(
+            "Number of cycles to and fro. With more than one cycle, vctune does not evaluate the first. A hand that "
+            "stays is simulated for 10 s, of which vctune evaluates the last 2 s."
+        ),
     ] = 3
     mass: Annotated[NotNegative, Key("Mass of the hand, rigidly attached to the handle, kg.")] = 0.0
     damping: Annotated[NotNegative, Key("Damping between hand and intended motion, N s/m.")] = 2.0
     stiffness: Annotated[NotNegative, Key("Stiffness between hand and intended motion, N/m.")] = 1000.0
 
+    @property
+    def stays(self) -> bool:
+        """Whether the hand stays in one place."""
+        return self.motion in ("kick", "hold")
+
+    @property
+    def travel(self) -> float:
+        """The distance that measures a motion, m: from end to end, or what a kick would move in a second."""
+        return float(abs(self.end - self.start) or self.speed)
+
 
 @record
 class Friction:
-    """LuGre friction of the device. Without this table there is no friction."""
+    """Dry friction of the device, or LuGre friction on bristles. Without this table there is `device.friction`."""
 
     coulomb: Annotated[Positive, Key("Sliding friction at high speed, N.")]
     stiction: Annotated[DefaultedPositive, Key("Sliding friction at vanishing speed, N. Default: coulomb.")] = None
     stribeck_velocity: Annotated[Positive, Key("Speed of the transition from stiction to coulomb, m/s.")] = 0.005
-    stiffness: Annotated[Positive, Key("Stiffness of the bristles, N/m.")] = 1e5
+    stiffness: Annotated[
+        DefaultedPositive,
+        Key("Stiffness of the bristles, N/m. Default: none, the friction is dry; 1e5 if stiction is above coulomb."),
+    ] = None
     damping: Annotated[
         Defaulted,
         Key(
@@ -95,12 +116,20 @@ class Friction:
         ),
     ] = None
 
+    @property
+    def dry(self) -> bool:
+        """Whether there are no bristles: the friction is coulomb, or what stops the handle."""
+        return self.stiffness is None
+
 
 @record
 class Sensors:
     """The errors of the encoder and of the force sensor."""
 
-    position_resolution: Annotated[NotNegative, Key("Resolution of the encoder, m; 0 for no quantisation.")] = 0.0
+    position_resolution: Annotated[
+        Defaulted,
+        Key("Resolution of the encoder, m; 0 for no quantisation. Default: device.velocity.resolution, else 0."),
+    ] = None
     force_noise: Annotated[NotNegative, Key("Standard deviation of a force sample, N.")] = 0.0
     seed: Annotated[Seed, Key("Seed of the noise.")] = 0
 

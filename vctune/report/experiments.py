@@ -84,10 +84,10 @@ def _motion(motion: MotionRecord | None, units: Units) -> str:
     """Return what a trace does, in words."""
     if motion is None:
         return ""
-    if motion.hz is None or motion.amplitude is None:
+    if motion.frequency_hz is None or motion.amplitude_m is None:
         return motion.kind
     unit = {"m": "um", "rad": "urad"}[units.position]
-    return f"{motion.kind} at {motion.hz:.3g} Hz, {1e6 * motion.amplitude:.3g} {unit}"
+    return f"{motion.kind} at {motion.frequency_hz:.3g} Hz, {1e6 * motion.amplitude_m:.3g} {unit}"
 
 
 def _number(value: float | None, unit: str) -> str:

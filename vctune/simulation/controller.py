@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 from typing import Any, NamedTuple
@@ -227,6 +227,10 @@ def control(c: Controller, state: State, read: Measurement, ops: Operations) -> 
     velocity = (measured - state.measured) / c.sample_time if c.difference else read.velocity
     filtered = _low_passed(c, state.filtered, velocity)
     velocity = filtered[-1] if filtered else velocity
+    if c.environment.rigid:
+        pressed = _pressed(c, measured, velocity, ops)
+        still = replace(state, reference=c.environment.zero, measured=measured, filtered=filtered)
+        return still, Command(_within(c.limit, -pressed - c.velocity_gain * velocity, ops), pressed)
     middle = state.reference + c.half_sample_time * state.desired
     if c.spring:
         apart = _apart(c, state.smoothed, velocity)
@@ -261,6 +265,12 @@ def control(c: Controller, state: State, read: Measurement, ops: Operations) -> 
         given = _within(c.limit, asked, ops)
     after = State(reference, desired, measured, coupling, integral, inertia, ahead, filtered, smoothed, late)
     return after, Command(given, force)
+
+
+def _pressed(c: Controller, measured: Number, velocity: Number, ops: Operations) -> Number:
+    """Return the force of the coupling as a wall, N: its spring and its damper, which at a one-sided wall only push."""
+    force = c.coupling_stiffness * (measured - c.environment.zero) + c.coupling_damping * velocity
+    return ops.maximum(c.environment.least_contact, force)
 
 
 def encoded(c: Controller, position: Number, ops: Operations) -> Number:
@@ -300,12 +310,6 @@ def _rendered(c: Controller, state: State, drive: Number, middle: Number, ops: O
         return _late_or_explicit(c, state, drive, middle)
     pushed = drive + e.inertance * state.desired + e.inertia_carry * state.inertia
     total = c.resistance + e.inertance
-    if e.rigid:
-        held = (e.zero - middle) / c.sample_time  # v_e that takes x_e to the surface, as backward Euler does
-        contact = ops.maximum(e.least_contact, pushed - total * held)
-        desired = (pushed - contact) / total
-        inertia = e.inertance * (desired - state.desired) - e.inertia_carry * state.inertia
-        return desired, contact + inertia, inertia, state.ahead, ()
     offset = e.stiffness * (middle - e.zero)
     desired = (pushed - offset) / (total + e.slope)
     if e.least_contact > -inf:  # only a wall is left, and a loop with only a spring has no total

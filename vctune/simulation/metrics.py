@@ -12,7 +12,7 @@ from vctune.model.experiment import Environment, MovingHand
 from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.run import Traces
-from vctune.simulation.scene import stroke_time
+from vctune.simulation.scene import evaluated_from, stroke_time
 
 # Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
 # near zero
@@ -58,17 +58,18 @@ def metrics(
     coupling: AnyCoupling | None = None,
 ) -> Metrics:
     """Measure a run. The spring of an impedance display's coupling is part of what is rendered."""
-    stroke = stroke_time(operator)
-    counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
+    counted = traces.time >= evaluated_from(operator)
     if environment.wall:
         counted &= in_contact(traces, environment)
-    fitted = _fit(traces, with_spring(environment, coupling), counted)
+    fitted = None if operator.stays else _fit(traces, with_spring(environment, coupling), counted)
     driven = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
     pushed = float(_energy(traces.time, traces.motor * driven)[-1]) if commanded == "force" else None
     handle = _energy(traces.time, traces.force * traces.velocity)
     rendered = _energy(traces.time, traces.environment_force * traces.desired)
     return Metrics(
-        non_overlap=_non_overlap(traces, counted, stroke) if environment.stiffness > 0 else None,
+        non_overlap=_non_overlap(traces, counted, stroke_time(operator))
+        if environment.stiffness > 0 and not operator.stays
+        else None,
         fits=fitted.fits if fitted else {},
         offset=fitted.offset if fitted else None,
         residual=float(np.sqrt(np.mean(fitted.about**2))) if fitted else None,

@@ -15,16 +15,18 @@ SLOW = 20.0  # Frequency, in cycles of the hand's motion, up to which a motion i
 LEAST = 1e-3  # Least size of an oscillation, as a share of the hand's travel
 COUNTS = 2.0  # Least size of an oscillation, in counts of the encoder
 SOME, MANY = 3, 16  # Number of large turns in a row of a disturbance, and of an oscillation that goes on
+SHAKES = 1e-3  # Share of a count, and of the greatest command, within which a handle in a hand that stays is at rest
 LASTS = 0.8  # Share of its size that such an oscillation keeps from its first quarter to its last
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the handle does beside the hand's own motion."""
+    """What the handle does beside the hand's own motion; in a hand that stays whether it rests."""
 
-    kind: Literal["calm", "settles", "buzzes"]
-    hz: float | None = None  # frequency of an oscillation that goes on, Hz
-    amplitude: float | None = None  # its size, half of the distance between its turns, m
+    kind: Literal["calm", "settles", "buzzes", "rests"]
+    frequency_hz: float | None = None  # of an oscillation that goes on, Hz
+    amplitude_m: float | None = None  # its size, half of the distance between its turns, m
+    rests: bool | None = None  # whether a handle comes to rest; None in a hand that moves
 
 
 def motion_of(position: Floats, sample_time: float, cycle: float, travel: float, count: float) -> Motion:
@@ -43,6 +45,27 @@ def motion_of(position: Floats, sample_time: float, cycle: float, travel: float,
     turns = max(lasting, key=lambda turns: float(np.median(np.abs(quick[turns]))))
     hz = (MANY - 1) / (2 * sample_time * (turns[-1] - turns[0]))
     return Motion("buzzes", float(hz), float(np.median(np.abs(quick[turns]))))
+
+
+def at_rest(position: Floats, motor: Floats, sample_time: float, travel: float, count: float) -> Motion:
+    """Return what a handle does in a hand that stays, from the end of a run; `count` is one of the encoder, m.
+
+    It rests if it does not move by more than `SHAKES` of a count, or of a share of the travel, and its motor's command
+    does not change either: the command answers each step of the encoder, however little the handle moves."""
+    amplitude, commanded = float(np.ptp(position)) / 2, float(np.ptp(motor))
+    if amplitude <= SHAKES * (count or LEAST * travel) and commanded <= SHAKES * float(np.abs(motor).max()):
+        return Motion("rests", amplitude_m=amplitude, rests=True)
+    halves = [float(np.ptp(half)) for half in np.array_split(position, 2)]
+    kind: Literal["settles", "buzzes"] = "buzzes" if halves[1] >= LASTS * halves[0] else "settles"
+    return Motion(kind, strongest_hz(position, sample_time), amplitude, rests=False)
+
+
+def strongest_hz(position: Floats, sample_time: float) -> float:
+    """Return the strongest frequency of a trace, Hz, between the lines of its spectrum."""
+    waved = (position - position.mean()) * np.hanning(len(position))
+    padded = 4 * len(position)
+    spectrum = np.abs(np.fft.rfft(waved, padded))
+    return float((1 + np.argmax(spectrum[1:])) / (padded * sample_time))
 
 
 def _runs(quick: Floats, least: float) -> list[NDArray[np.intp]]:

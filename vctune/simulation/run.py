@@ -73,7 +73,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None) ->
 
 def has_diverged(scene: Scene, recorded: Floats, intended: Floats) -> bool:
     """Return whether a run has diverged (`DIVERGENCE`), or has numbers that are not finite."""
-    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    reach = DIVERGENCE * scene.operator.travel
     return not (np.isfinite(recorded).all() and np.abs(recorded[:, POSITION] - intended).max() <= reach)
 
 
@@ -93,7 +93,7 @@ def traces_of(scene: Scene, recorded: Floats, intended: Floats, *, diverged: boo
     """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence."""
     T, began = scene.device.sample_time, None
     if diverged:
-        travel = abs(scene.operator.end - scene.operator.start)
+        travel = scene.operator.travel
         distance = np.where(np.isfinite(recorded).all(axis=1), np.abs(recorded[:, POSITION] - intended), np.inf)
         limit = travel if (distance <= travel).any() else DIVERGENCE * travel
         near = np.flatnonzero(distance <= limit)

@@ -28,7 +28,7 @@ from vctune.simulation.controller import (
     encoded,
 )
 from vctune.simulation.plant import GIVEN, Plant, plant, row_times
-from vctune.simulation.scene import Equilibrium, Scene, equilibrium, push_matrix
+from vctune.simulation.scene import Equilibrium, Scene, equilibrium, initial_velocity, push_matrix
 
 SERIES_BELOW = 0.01  # Argument y at which the code changes from the series of phi_2 to its formula
 
@@ -53,8 +53,20 @@ class Sliding(NamedTuple):
     """Where a step begins or ends."""
 
     values: Sequence[Number]  # states and given inputs of the plant
-    z: Number  # deflection of the bristles, m
+    z: Number  # deflection of the bristles, m; the last force of a dry friction, N
     foreseen: Number  # predicted velocity of the motor in the middle of the next step, m/s
+
+
+def dry_step(change: Floats, coulomb: float, at: Sliding, ops: Operations) -> Sliding:
+    """Advance by a step in which the plant changes by `change`. The friction is the force that stops the motor, or the
+    greatest one against the motion; `at.z` of the result is this force, N."""
+    rubbing = len(change) - len(GIVEN) + GIVEN.index("friction")
+    held = [*at.values]
+    held[rubbing] = 0.0
+    stopping = (at.values[1] + row_times(change[1], held)) / -float(change[1, rubbing])
+    held[rubbing] = ops.maximum(-coulomb, ops.minimum(coulomb, stopping))
+    values = [value + row_times(row, held) for value, row in zip(at.values, change, strict=True)]
+    return Sliding(values, held[rubbing], values[1])
 
 
 def friction_step(change: Floats, h: float, friction: Friction, at: Sliding, ops: Operations) -> Sliding:
@@ -94,6 +106,7 @@ def _phi_1_and_2(y: Number, ops: Operations) -> tuple[Number, Number]:
 CASADI_OPERATIONS = Operations(ca.exp, ca.expm1, ca.fabs, ca.floor, ca.fmin, ca.fmax, ca.if_else)
 SAMPLES_PER_CALL = 1024  # Number of samples per call of the compiled function, and between two checks for divergence
 STEPS_PER_RADIAN = 64  # Number of fixed steps per radian of the bristles' oscillation with the moving mass
+DRY_STEPS = 32  # Number of fixed steps per sample with dry friction, which stops the handle at the end of one
 LEAST_STEPS, MOST_STEPS = 4, 256  # Least and greatest number of steps in a sample
 # Inputs of a step: x_i [m] and v_i [m/s] at this sample and at the next, and the noise of the force sensor [N]
 INPUT_NAMES = ("intended", "intended_velocity", "next_intended", "next_intended_velocity", "noise")
@@ -180,6 +193,7 @@ def _start(scene: Scene, moving: Plant, rest: State, begin: Equilibrium) -> dict
     """Return the state of a step at rest, part by part."""
     device, when = scene.device, timing(scene.device)
     not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
+    not_zero |= dict.fromkeys(("velocity", "handle_velocity"), initial_velocity(scene.operator))
     not_zero |= {name: share * begin.motor for name, share in drive_at_rest(device).items()}
     # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
     # interpolates between positions also needs the position before these
@@ -216,7 +230,9 @@ def _acting(scene: Scene, commands: list[Any]) -> list[Any]:
 
 
 def _rubbing(scene: Scene, velocity: Any, z: Any) -> Any:
-    return 0.0 if scene.friction is None else friction_force(scene.friction, velocity, z, CASADI_OPERATIONS)[0]
+    if scene.friction is None or scene.friction.dry:
+        return z
+    return friction_force(scene.friction, velocity, z, CASADI_OPERATIONS)[0]
 
 
 def _moved(
@@ -250,19 +266,30 @@ def _slid(
     symbols = ca.SX.sym("values", len(values) + 2)
     change = moving.change(length / count)
     *at, deflection, foreseen = ca.vertsplit(symbols)
-    end = friction_step(change, length / count, friction, Sliding(at, deflection, foreseen), CASADI_OPERATIONS)
+    begin = Sliding(at, deflection, foreseen)
+    if friction.dry:
+        end = dry_step(change, friction.coulomb, begin, CASADI_OPERATIONS)
+    else:
+        end = friction_step(change, length / count, friction, begin, CASADI_OPERATIONS)
     compiled = ca.Function("slid", [symbols], [ca.vertcat(*end.values, end.z, end.foreseen)])
 
     def step(before: Sliding) -> Sliding:
         *after, z, foreseen = ca.vertsplit(compiled(ca.vertcat(*before.values, before.z, before.foreseen)))
         return Sliding(after, z, foreseen)
 
-    last = slide(step, Sliding(values, z, values[1]), count)
+    last = Sliding(values, z, values[1])
+    if not friction.dry:
+        last = slide(step, last, count)
+    else:
+        for _ in range(count):
+            last = step(last)
     return list(last.values), last.z
 
 
 def steps_per_sample(scene: Scene, friction: Friction) -> int:
-    """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass."""
+    """Return the number of fixed steps per sample: of bristles, from their oscillation with the moving mass."""
+    if friction.dry:
+        return DRY_STEPS
     device = scene.device
     mass = device.mass + scene.operator.mass if device.structure is None else device.motor_mass
     frequency = (friction.stiffness / mass) ** 0.5  # rad/s

@@ -47,8 +47,11 @@ def equilibrium(scene: Scene) -> Equilibrium:
 
 
 def _at_rest(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion without a position command."""
-    hand, law, begin = scene.operator, scene.law, scene.operator.start
+    """Return the equilibrium at the start of the motion without a position command; a kick starts without forces."""
+    hand, law = scene.operator, scene.law
+    begin = hand.end if hand.motion == "hold" else hand.start
+    if hand.motion == "kick":
+        return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
     rendered, holding_stiffness = law.environment, holding(law)
     if hand.stiffness == 0 or rendered.stiffness == 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
@@ -126,6 +129,7 @@ def _scene(device: Device, experiment: Experiment, gains: Gains, coupling: AnyCo
     )
 
 
+STAYS, WATCHED = 10.0, 2.0  # Duration of a run in which the hand stays, and of its evaluated end, s
 RAMP = 0.1  # Share of a stroke's time that a hand with the motion "reciprocate" takes at each end to gain or lose speed
 
 
@@ -135,6 +139,21 @@ class IntendedMotion:
 
     position: Floats  # x_i, m, and its derivative v_i, m/s, at each sample, shape (number of samples,)
     velocity: Floats
+
+
+def initial_velocity(operator: MovingHand) -> float:
+    """Return the velocity of the handle at the start, m/s."""
+    if operator.motion != "kick":
+        return 0.0
+    return operator.speed if operator.end >= operator.start else -operator.speed
+
+
+def evaluated_from(operator: MovingHand) -> float:
+    """Return the time from which a run is evaluated, s: without the first of several cycles, or without the motion
+    before a handle is at rest."""
+    if operator.stays:
+        return STAYS - WATCHED
+    return 2 * stroke_time(operator) if operator.cycles > 1 else 0.0
 
 
 def stroke_time(operator: MovingHand) -> float:
@@ -148,12 +167,15 @@ def stroke_time(operator: MovingHand) -> float:
 def sample_count(operator: MovingHand, sample_time: float) -> int:
     """Return the number of samples of a run: one at the start of each sample interval, and none at the end of the
     last."""
+    seconds = STAYS if operator.stays else 2 * operator.cycles * stroke_time(operator)
     # a rounding above a whole number must not add a sample
-    return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
+    return max(1, ceil(seconds / sample_time * (1 - 1e-12)))
 
 
 def intended_motion(operator: MovingHand, sample_time: float, first: int, last: int) -> IntendedMotion:
     """Return the intended motion at the samples `first` to `last`, both included."""
+    if operator.stays:
+        return IntendedMotion(np.full(last - first + 1, float(operator.end)), np.zeros(last - first + 1))
     time, travel = stroke_time(operator), operator.end - operator.start
     strokes = np.arange(first, last + 1) * (sample_time / time)  # number of strokes since the start
     phase = np.mod(strokes, 2.0)  # 0 to 1 from start to end, 1 to 2 back

@@ -24,7 +24,7 @@ from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.run import Traces
-from vctune.simulation.scene import stroke_time
+from vctune.simulation.scene import evaluated_from, stroke_time
 from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
@@ -69,9 +69,10 @@ def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
 def _experiment(simulated: Simulated) -> ExperimentRecord:
     """Return the record of an experiment."""
     experiment = simulated.experiment
-    quantity, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
+    hand = experiment.operator
+    quantity, begin = axis(experiment.environment), evaluated_from(hand) if hand.stays else 2 * stroke_time(hand)
     baseline, design = (
-        None if run is None else _run(run, _curve(run.traces, quantity, cycle))
+        None if run is None else _run(run, _curve(run.traces, quantity, begin))
         for run in (simulated.baseline, simulated.design)
     )
     assert design is not None
@@ -101,9 +102,9 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
     )
 
 
-def _curve(traces: Traces, name: str, cycle: float) -> list[list[float]]:
+def _curve(traces: Traces, name: str, begin: float) -> list[list[float]]:
     """Return position or velocity, and the force at each of its values."""
-    first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
+    first = int(np.searchsorted(traces.time, begin * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     step = ceil((len(traces.time) - first) / CURVE_POINTS)
     points = zip(getattr(traces, name)[first::step], traces.force[first::step], strict=True)

@@ -14,10 +14,10 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.problem import Problem
 from vctune.simulation.metrics import Metrics, metrics
-from vctune.simulation.oscillation import Motion, motion_of
+from vctune.simulation.oscillation import Motion, at_rest, motion_of
 from vctune.simulation.run import Traces, run
 from vctune.simulation.sample import INPUT_NAMES, build
-from vctune.simulation.scene import Scene, baseline_scene, designed_scene, stroke_time
+from vctune.simulation.scene import Scene, baseline_scene, designed_scene, evaluated_from, stroke_time
 
 # Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation
 STANDING = 1e-6
@@ -107,9 +107,12 @@ def simulate(
         if traces.diverged is None:
             law, hand = scene.law, experiment.operator
             measured = metrics(traces, law.environment, hand, law.limit, law.command, law.coupling)
-            last = traces.position[traces.time >= (2 * stroke_time(hand) if hand.cycles > 1 else 0.0)]
-            travel, count = abs(hand.end - hand.start), experiment.sensors.position_resolution
-            motion = motion_of(last, law.sample_time, 2 * stroke_time(hand), travel, count)
+            last, count = traces.time >= evaluated_from(hand), experiment.sensors.position_resolution
+            if hand.stays:
+                motion = at_rest(traces.position[last], traces.motor[last], law.sample_time, hand.travel, count)
+            else:
+                cycle = 2 * stroke_time(hand)
+                motion = motion_of(traces.position[last], law.sample_time, cycle, hand.travel, count)
         return Run(traces, measured, fastest_mode(scene), motion)
 
     design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")

@@ -66,11 +66,13 @@ class SimulatedLoopRecord(Part):
 
 
 class MotionRecord(Part):
-    """What the handle does beside the hand's own motion: it is calm, settles after a disturbance, or buzzes."""
+    """What the handle does beside the hand's own motion: it is calm, settles after a disturbance, or buzzes; in a hand
+    that stays it rests, settles or buzzes."""
 
-    kind: Literal["calm", "settles", "buzzes"]
-    hz: Number = None  # frequency of an oscillation that goes on, Hz
-    amplitude: Number = None  # its amplitude, m
+    kind: Literal["calm", "settles", "buzzes", "rests"]
+    frequency_hz: Number = None  # frequency of an oscillation that goes on, Hz
+    amplitude_m: Number = None  # its amplitude, m
+    rests: bool | None = None  # whether the handle comes to rest; null in a hand that moves
 
 
 class RunRecord(Part):

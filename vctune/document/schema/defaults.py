@@ -19,7 +19,7 @@ from vctune.document.schema.problem_schema import (
 )
 from vctune.document.schema.rules import FASTEST
 from vctune.model.device import Device
-from vctune.model.experiment import Experiment
+from vctune.model.experiment import Experiment, Friction, usual_share
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
@@ -40,6 +40,8 @@ from vctune.model.problem import (
 from vctune.model.rest import greatest_at_rest
 from vctune.model.servo import delays_in_latency
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
+
+BRISTLES = 1e5  # Stiffness of the bristles of a friction with stiction on a linear device, N/m
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
@@ -199,9 +201,14 @@ def _range(value: Any, low: float, high: float) -> Range:
 
 
 def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None, tool: Hands | None) -> Experiment:
-    """Return an experiment, whose friction has the device's defaults, its environment the rule that is proved, and its
-    hand the mass of the greatest tool."""
-    friction, environment, hand = table.friction, table.environment, table.operator
+    """Return an experiment, whose friction and encoder have the device's defaults, its environment the rule that is
+    proved, and its hand the mass of the greatest tool."""
+    friction, environment, hand, sensors = table.friction, table.environment, table.operator, table.sensors
+    count = (device.velocity.resolution if device.velocity is not None else None) or 0.0
+    if sensors.position_resolution is None:
+        sensors = replace(sensors, position_resolution=count)
+    if friction is None and device.friction:
+        friction = Friction(device.friction)
     if tool is not None:
         hand = replace(hand, mass=hand.mass + tool.high.mass)
     if environment.rule is None:
@@ -209,6 +216,10 @@ def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None, t
         environment = replace(environment, rule="trapezoid" if proved else "backward")
     if friction is not None:
         stiction = friction.coulomb if friction.stiction is None else friction.stiction
-        damping = sqrt(friction.stiffness * device.mass) if friction.damping is None else friction.damping
-        friction = replace(friction, stiction=stiction, damping=damping)
-    return Experiment(table.name, environment, hand, friction, table.sensors, table.actuator.limit, table.baseline)
+        usual = BRISTLES * usual_share(device.mass, device.units)
+        stiffness = usual if friction.stiffness is None and stiction > friction.coulomb else friction.stiffness
+        damping = friction.damping
+        if damping is None:
+            damping = sqrt((stiffness or 0.0) * device.mass)
+        friction = replace(friction, stiction=stiction, stiffness=stiffness, damping=damping)
+    return Experiment(table.name, environment, hand, friction, sensors, table.actuator.limit, table.baseline)

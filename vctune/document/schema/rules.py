@@ -433,7 +433,11 @@ def _motion(file: Stated) -> Found:
     """Yield a hand that is not connected or does not move, and strokes that are too short or too long."""
     usual = _defaults(MovingHand)
     start, end, speed, cycles, damping, stiffness = (file(f"experiment.operator.{key}", usual[key]) for key in MOTION)
+    if file.value("experiment.operator.motion") in ("kick", "hold"):
+        start = nan  # there is no stroke
     samples = abs(end - start) / (speed if speed > 0 else nan) / file.T
+    if file.servo and file.value("experiment.operator.motion") == "kick":
+        yield "experiment.operator.motion", f'"kick" means nothing with [device.servo]: {_UNMOVED}; write "hold"'
     if damping == 0 and stiffness == 0:
         message = "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
         yield "experiment.operator", message
