@@ -56,6 +56,7 @@ from vctune.model.loop.llewellyn import llewellyn_excess, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
+from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import numbers_to_state
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS
@@ -154,6 +155,13 @@ def _touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
     return found
 
 
+def at_greatest_rest(problem: Problem, judgement: Judgement, key: str) -> bool:
+    """Return whether the demand of rest limits a design, and not a bound of the file."""
+    stiff = key in ("coupling.stiffness", "gains.position")
+    greatest = greatest_at_rest(problem.device) if problem.stability.rest and stiff else None
+    return greatest is not None and stiffness_read(judgement.gains, judgement.coupling) == greatest
+
+
 def warnings(problem: Problem, judgement: Judgement) -> list[Note]:
     """Return warnings about a design."""
     return [Note(code, said) for code, said in _warned(problem, judgement)]
@@ -162,7 +170,8 @@ def warnings(problem: Problem, judgement: Judgement) -> list[Note]:
 def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]:
     for key, side in _touched(problem, judgement):
         of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0
-        if not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
+        at_rest = side == "upper" and at_greatest_rest(problem, judgement, key)
+        if not at_rest and not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
             yield "warn-bound", f"{key} is on its {side} bound; the bound, not the device, limits the design there"
     band, demand = problem.stability.band, problem.stability.safety_factor
     # only Llewellyn's claim has a band, whose edge does not matter if a claim in hands covers every frequency
@@ -387,6 +396,9 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
         demand = "walls in a hand" if at.of == "walls" else own + where
         if at.ratio <= limit and all(each.demand != demand for each in found):
             found.append(ActiveRecord(demand=demand, hz=finite_hertz(at.omega), multiplier=None))
+    if any(at_greatest_rest(problem, judgement, key) for key, _ in _touched(problem, judgement)):
+        said = CLAIMS["rests"].said_of(problem.device.kind)
+        found.append(ActiveRecord(demand=said.rpartition(": ")[2], hz=None, multiplier=None))
     if problem.device.kind.own_loop and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
         hz = hertz(judgement.worst_sensitivity)
         found.append(ActiveRecord(demand="|S| <= max_sensitivity", hz=hz, multiplier=None))

@@ -8,6 +8,7 @@ from typing import Any
 from vctune.analysis.chatter import Caused, Reading, caused_by, encountered
 from vctune.design.judging.judge import Judgement
 from vctune.document.records.felt_json import ChatterRecord, RestRecord
+from vctune.document.records.rows_json import ChatterColumns
 from vctune.model.design import Design
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
@@ -42,6 +43,16 @@ def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
         found["encoder"] = _chatter("encoder", problem, judgement, q)
         found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
     return RestRecord(**{name: value for name, value in found.items() if value is not None})
+
+
+def chatter_columns(problem: Problem, judgement: Judgement) -> ChatterColumns:
+    """Return what a sweep states of a design at rest."""
+    record = rest_record(problem, judgement)
+    if record is None or record.encoder is None:
+        return ChatterColumns()
+    step, friction = record.step_N, record.friction_N
+    ratio = 2 * friction / step if step and friction is not None else None
+    return ChatterColumns(rest_ratio=ratio, chatter_m=record.encoder.chatter_m, chatter_N=record.encoder.chatter_N)
 
 
 def _chatter(reading: Reading, problem: Problem, judgement: Judgement, step: float | None) -> ChatterRecord | None:

@@ -7,14 +7,17 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import butter, sosfiltfilt
 
 from vctune.model.numbers.arithmetic import Floats
+from vctune.simulation.run import Traces
 
 SLOW = 20.0  # Frequency, in cycles of the hand's motion, up to which a motion is the hand's own
 LEAST = 1e-3  # Least size of an oscillation, as a share of the hand's travel
 COUNTS = 2.0  # Least size of an oscillation, in counts of the encoder
 SOME, MANY = 3, 16  # Number of large turns in a row of a disturbance, and of an oscillation that goes on
+BETWEEN = 8  # Number of times per sample at which a trace is interpolated, so that its turns show
 SHAKES = 1e-3  # Share of a count, and of the greatest command, within which a handle in a hand that stays is at rest
 LASTS = 0.8  # Share of its size that such an oscillation keeps from its first quarter to its last
 
@@ -47,17 +50,20 @@ def motion_of(position: Floats, sample_time: float, cycle: float, travel: float,
     return Motion("buzzes", float(hz), float(np.median(np.abs(quick[turns]))))
 
 
-def at_rest(position: Floats, motor: Floats, sample_time: float, travel: float, count: float) -> Motion:
-    """Return what a handle does in a hand that stays, from the end of a run; `count` is one of the encoder, m.
+def at_rest(traces: Traces, last: NDArray[np.bool_], travel: float, count: float) -> Motion:
+    """Return what a handle does in a hand that stays, from the last part of a run; `count` is one of the encoder, m.
 
     It rests if it does not move by more than `SHAKES` of a count, or of a share of the travel, and its motor's command
     does not change either: the command answers each step of the encoder, however little the handle moves."""
+    time, motor = traces.time[last], traces.motor[last]
+    within = np.linspace(time[0], time[-1], BETWEEN * (len(time) - 1) + 1)
+    position = CubicHermiteSpline(time, traces.position[last], traces.velocity[last])(within)
     amplitude, commanded = float(np.ptp(position)) / 2, float(np.ptp(motor))
     if amplitude <= SHAKES * (count or LEAST * travel) and commanded <= SHAKES * float(np.abs(motor).max()):
         return Motion("rests", amplitude_m=amplitude, rests=True)
     halves = [float(np.ptp(half)) for half in np.array_split(position, 2)]
     kind: Literal["settles", "buzzes"] = "buzzes" if halves[1] >= LASTS * halves[0] else "settles"
-    return Motion(kind, strongest_hz(position, sample_time), amplitude, rests=False)
+    return Motion(kind, strongest_hz(traces.position[last], time[1] - time[0]), amplitude, rests=False)
 
 
 def strongest_hz(position: Floats, sample_time: float) -> float:

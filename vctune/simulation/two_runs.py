@@ -109,7 +109,7 @@ def simulate(
             measured = metrics(traces, law.environment, hand, law.limit, law.command, law.coupling)
             last, count = traces.time >= evaluated_from(hand), experiment.sensors.position_resolution
             if hand.stays:
-                motion = at_rest(traces.position[last], traces.motor[last], law.sample_time, hand.travel, count)
+                motion = at_rest(traces, last, hand.travel, count)
             else:
                 cycle = 2 * stroke_time(hand)
                 motion = motion_of(traces.position[last], law.sample_time, cycle, hand.travel, count)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.judging.judge import Status
-from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS
+from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS, ChatterColumns
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study, number_keys
 from vctune.document.text.json import printed
+from vctune.document.text.toml import value_at
 from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.rows import Rows
@@ -140,7 +141,10 @@ def _plain(value: Any) -> Any:
 
 def number_columns(study: Study) -> list[str]:
     """Return the names of the columns of numbers that designs of a study's display have."""
-    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(stated_display(study.document["device"]).stated)}
+    device = study.document["device"]
+    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(stated_display(device).stated)}
+    steps = value_at(device, ("velocity", "resolution")) or any("resolution" in axis.path for axis in study.axes)
+    absent |= set() if steps else set(ChatterColumns.model_fields)
     return [name for name in QUANTITY_OF_COLUMN if name not in absent]
 
 
@@ -154,7 +158,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
         np.array([row["idle"] for row in found], dtype=bool),
         [row["reason"] or "" for row in found],
         {
-            name: np.array([nan if row[name] is None else row[name] for row in found], dtype=float)
+            name: np.array([nan if row.get(name) is None else row[name] for row in found], dtype=float)
             for name in number_columns(study)
         },
         device.get("units") or "linear",

@@ -14,6 +14,7 @@ from typing import Any
 from vctune.design.design_record import felt_record
 from vctune.design.judging.judge import Status
 from vctune.design.judging.said import open_claims
+from vctune.design.rest_record import chatter_columns
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
@@ -73,6 +74,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
         **dict.fromkeys(QUANTITY_OF_COLUMN),
         **{name: number if number is not None and isfinite(number) else None for name, number in numbers.items()},
         **felt_record(problem.device, judgement.gains, judgement.coupling).model_dump(),
+        **chatter_columns(problem, judgement).model_dump(),
         **yardstick,
     }
 

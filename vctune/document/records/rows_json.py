@@ -73,7 +73,15 @@ class BandRecord(Part):
     stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
-ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, RowYardstickRecord)
+class ChatterColumns(Part):
+    """What a device does at rest; null if the step of the encoder, or the friction, is not known."""
+
+    rest_ratio: Annotated[Number, Shown("2 f/(k q), rests from 1 on")] = None
+    chatter_m: Annotated[Number, Shown("chatter of the handle, at most", of="position")] = None
+    chatter_N: Annotated[Number, Shown("chatter of the motor's force, at most", of="force")] = None
+
+
+ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, ChatterColumns, RowYardstickRecord)
 # How tables display the columns of numbers, in order
 SHOWN_COLUMNS = {name: shown for part in ROW_PARTS for name, shown in how_shown(part).items()}
 # Quantity of each column (`vctune.model.numbers.units`)
@@ -86,7 +94,7 @@ COLUMN_OF_KEY = {
 }
 
 
-class RowRecord(RowYardstickRecord, FeltRecord, BandRecord, VerdictRecord, NumbersRecord):
+class RowRecord(RowYardstickRecord, ChatterColumns, FeltRecord, BandRecord, VerdictRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point."""
 
     key: str  # digest of everything that determines the point

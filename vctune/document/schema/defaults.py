@@ -211,7 +211,7 @@ def _experiment(table: ExperimentTable, device: Device, worlds: Worlds | None, t
         friction = Friction(device.friction)
     if tool is not None:
         hand = replace(hand, mass=hand.mass + tool.high.mass)
-    if environment.rule is None:
+    if environment.rule is None and not environment.rigid:
         proved = worlds is not None and environment.mass > 0 and (worlds.walls or not environment.wall)
         environment = replace(environment, rule="trapezoid" if proved else "backward")
     if friction is not None:
