@@ -49,6 +49,7 @@ def assumptions(firmware: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if firmware.record.uncertainty is not None else ""
     certificate = firmware.record.certificate
     hands = None if certificate is None else certificate.hands
+    rest = [] if firmware.record.rest is None else [" ".join(firmware.record.rest.sentences(units))]
     met = PASSIVE_ENVIRONMENTS
     if hands is not None and hands.worlds is not None:
         met = "environments are those of the box, by the trapezoidal rule"
@@ -62,6 +63,7 @@ def assumptions(firmware: Firmware) -> list[str]:
             f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {met}. "
             "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
+            *rest,
             *_left_to_caller(device, units),
         ]
     sampled = "" if firmware.controller.spring else f"; the {units.force_name} is sampled just before"
@@ -70,6 +72,7 @@ def assumptions(firmware: Firmware) -> list[str]:
         f"sample and is held{sampled}; {met}. The "
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
+        *rest,
         *_left_to_caller(device, units),
     ]
 

@@ -19,7 +19,7 @@ from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Note
 from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
-from vctune.identification.checks import check, on_even_rows, remarks
+from vctune.identification.checks import check, on_even_rows, quantum_of, remarks
 from vctune.identification.mechanism import mechanism_study
 from vctune.identification.response import response_study
 from vctune.identification.servo import servo_study
@@ -122,7 +122,7 @@ def identify(
     progress("comparing the response with the box")
     lines = [each for study in studies for each in study.lines if each.hertz.size]
     said += [note for study in studies for note in study.remarks] + _gaps(studies, bounds, log_map, known)
-    friction = max((study.friction for study in studies if study.friction is not None), default=None)
+    friction = None if device.friction is None else FrictionRecord(coulomb=device.friction)
     noise = next((study.force_noise for study in studies if study.force_noise), None)
     record = IdentificationRecord(
         name=name,
@@ -133,7 +133,7 @@ def identify(
         assumed=[] if log_map.servo or known.velocity else ["velocity"],
         numbers=bounds,
         unmodelled=[] if device.kind.inverse else envelope(lines, device, bounds),
-        friction=None if friction is None else FrictionRecord(coulomb=float(f"{friction:.6g}")),
+        friction=friction,
         force_noise=None if noise is None else float(f"{noise:.6g}"),
         recordings=[study.record for study in studies],
         warnings=[note.line for note in said if note.code.startswith("warn-")],
@@ -232,7 +232,21 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float, studies: Seque
     for key, part in PARTS.items():
         numbers = {number.name: value[path] for number in part.numbers if (path := f"{key}.{number.name}") in value}
         parts |= {key: part.record(**numbers)} if numbers else {}
-    return Device(value["mass"], value["damping"], T, value["delay"], display=known.display, **(parts | known.parts))
+    parts |= known.parts
+    estimate, step = parts.get("velocity"), _step_read(studies)
+    differenced = known.display == "impedance" or (estimate is not None and estimate.source == "difference")
+    if differenced and step is not None and (estimate is None or estimate.resolution is None):
+        parts["velocity"] = replace(estimate or VelocityEstimate("difference"), resolution=step)
+    # the least friction, which holds the least
+    friction = min((float(f"{each.friction:.6g}") for each in studies if each.friction is not None), default=None)
+    return Device(value["mass"], value["damping"], T, value["delay"], display=known.display, friction=friction, **parts)
+
+
+def _step_read(studies: Sequence[Study]) -> float | None:
+    """Return the greatest step of the logged positions; None if none is rounded."""
+    positions = [study.recording.channels.get("position") for study in studies]
+    steps = [step for each in positions if each is not None and (step := quantum_of(each)) is not None]
+    return float(f"{max(steps):.6g}") if steps else None
 
 
 def _gaps(studies: Sequence[Study], bounds: Sequence[Bounded], log_map: LogMap, known: Known) -> list[Note]:

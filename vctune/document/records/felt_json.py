@@ -104,6 +104,19 @@ class RestRecord(Part):
     encoder: ChatterRecord | None = None
     force_sensor: ChatterRecord | None = None
 
+    def sentences(self, units: Units) -> list[str]:
+        """Return what is assumed of friction and steps, and what follows from it, for a reader of the firmware."""
+        said = list[str]()
+        if self.rests is not None and self.friction_N is not None:
+            rests = "rests wherever it stops" if self.rests else "does not rest wherever it stops"
+            friction = f"{text(self.friction_N, 6)} {units.force}"
+            said.append(f"With dry friction of at least {friction}, on which no proof counts, it {rests}.")
+        for reading, of in (("encoder", self.encoder), ("force sensor", self.force_sensor)):
+            if of is not None:
+                row = of.row(reading, units)
+                said.append(f"Computed, not proved: chatter at most {row.value} {row.unit.partition(';')[0]}.")
+        return said
+
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield whether it rests and whether it comes to rest, and the chatter, computed and not proved."""
         if self.rests is not None and self.step_N is not None and self.friction_N is not None:

@@ -94,7 +94,7 @@ class Bounded:
 
 
 class FrictionRecord(Part):
-    """Friction of the device, for the simulation."""
+    """Dry friction of the device."""
 
     coulomb: float
 
@@ -194,6 +194,9 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
         if heading == "[device]" and key in notes:
             lines.append(f"{line}  {notes[key]}")
             continue
+        if heading == "[device]" and key == "friction":
+            lines.append(f"{line}  # dry; the least of the recordings")
+            continue
         if heading == "[device]" and key in record.assumed:
             lines.append(f"{line}  # assumed: no log tells it; write what the firmware does")
             continue
@@ -210,24 +213,20 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
             lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write the numbers of your users' hands")
         if heading == "[[experiment]]" and line == heading:
             whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
-            lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")
+            lines.append(f"# With the friction above and the noise that was found; hand and motion are {whose}.")
         lines.append(line)
     return "\n".join(lines) + "\n"
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
-    """Return an experiment that the device can follow, with the identified friction and noise."""
+    """Return an experiment that the device can follow, with the identified noise; its friction is the device's."""
     experiment: dict[str, Any] = {"name": "as identified"}
-    bristles: dict[str, float] = {}
     furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * MovingHand().cycles)
     if record.rotary or furthest < STROKE["to"]:
         experiment["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:
         share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
         experiment["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
-        bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
-    if record.friction is not None:
-        experiment["friction"] = {"coulomb": record.friction.coulomb} | bristles
     if record.force_noise:
         experiment["sensors"] = {"force_noise": record.force_noise}
     return experiment
