@@ -13,6 +13,7 @@ from rubbing import Rubbing, run
 
 import vctune
 from vctune import Coupling, Gains
+from vctune.model.gains import SpringDamper
 
 T = 1e-3
 STILL = 1e-12  # Speed below which a handle rests, m/s
@@ -176,3 +177,74 @@ def impulse_sums(problem: vctune.Problem, gains: Gains, coupling: Coupling) -> t
         state, rows = np.asarray(after).ravel(), [*rows, np.asarray(row).ravel()]
     found = np.array(rows)
     return float(np.abs(np.diff(found[:, 0])).sum() / T), float(np.abs(found[:, 6]).sum())
+
+
+@pytest.mark.parametrize("kind", ["kick", "hold"])
+@pytest.mark.parametrize("share", [0.2, 1.5])
+def test_a_kick_and_a_hold_are_simulated_as_stepped(kind, share):
+    """Amplitude and frequency in a hand that stays, with friction below and above what rests, by other code."""
+    wall = replace(PADDLE, k=1200.0, b_c=3.0, hz=100.0, delay=5e-4, hand=(0.0, 0.4, 300.0))
+    wall = replace(wall, f=share * wall.k * wall.q / 2)
+    hand = dict(zip(("mass", "damping", "stiffness"), wall.hand, strict=True))
+    to, speed = 2.3 * wall.q, 0.02
+    operator = hand | {"motion": kind, "from": 0.0, "to": to, "speed": speed}
+    experiment = {"name": "one", "environment": {"stiffness": inf}, "operator": operator}
+    gains, coupling = Gains(0.0, 0.0), SpringDamper(wall.b_c, wall.k)
+    done = vctune.simulate(stated(wall) | {"experiment": [experiment]}, gains, coupling).experiments[0].design.motion
+    start = (300.0 * to / (300.0 + wall.k), 0.0) if kind == "hold" else (0.0, speed)
+    at, begun, held = (np.array([number]) for number in (*start, 300.0 * to))
+    seen = run([wall], at, begun, held, 10.0, 2.0, parts=32)
+    assert done.rests is bool(seen.speed[0] < STILL)
+    if done.rests:
+        assert done.kind == "rests"
+        return
+    assert done.amplitude_m == pytest.approx(seen.moved[0], rel=0.05)
+    padded = 16 * len(seen.trace)
+    turns = np.abs(np.fft.rfft((seen.trace[:, 0] - seen.trace.mean()) * np.hanning(len(seen.trace)), padded))
+    assert done.frequency_hz == pytest.approx((1 + np.argmax(turns[1:])) / (padded * T), rel=0.05)
+
+
+def test_a_kick_against_dry_friction_stops_where_its_energy_is_spent():
+    """m v^2/2 = f x, and it stays there."""
+    device = {"display": "impedance", "mass": 0.2, "damping": 0.0, "sample_time": T, "friction": 0.1}
+    operator = {"motion": "kick", "from": 0.0, "to": 1.0, "speed": 0.3, "damping": 1e-6, "stiffness": 0.0}
+    problem = {
+        "device": device,
+        "environment": {"stiffness": inf},
+        "stability": {"criterion": "hands"},
+        "experiment": [{"name": "slides", "environment": {}, "operator": operator}],
+    }
+    done = vctune.simulate(problem, Gains(0.0, 0.0), SpringDamper(0.0, 1e-9)).experiments[0].design
+    assert done.traces.position[-1] == pytest.approx(0.2 * 0.3**2 / 2 / 0.1, rel=1e-3)
+    assert done.motion.rests
+
+
+def test_a_region_shows_where_it_rests():
+    from vctune.report.region_figure import region_figure
+
+    free = stated(replace(PADDLE, f=0.003), criterion="both")
+    free["coupling"] = {"damping": {"min": 0.0, "max": 0.1}, "stiffness": {"min": 1.0, "max": 1000.0}}
+    found = vctune.region(free, resolution=1 / 8)
+    figure = region_figure(found.file.problem, found.region, found.designs, contours=False)
+    lines = {line.get_label(): line.get_ydata()[0] for line in figure.axes[0].lines}
+    (at,) = (place for label, place in lines.items() if label.startswith("rests up to k_c"))
+    edges = found.region.plane.edges[1]
+    assert np.interp(at, np.linspace(0, 1, len(edges)), edges) == pytest.approx(300.0, rel=0.02)
+    with_rest = vctune.region(free | {"stability": {"criterion": "both", "rest": True}}, resolution=1 / 8)
+    assert with_rest.region.plane.edges[1][-1] == 300.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "key", "words"),
+    [
+        ({"friction": None}, "stability.rest", "device.friction"),
+        ({"velocity": {}}, "stability.rest", "device.velocity.resolution"),
+        ({}, "coupling.stiffness", "greatest that rests"),
+    ],
+)
+def test_a_demand_of_rest_that_cannot_be_met_is_told(changed, key, words):
+    problem = stated(PADDLE, rest=True) | {"coupling": {"stiffness": {"min": 301.0, "max": 400.0}}}
+    problem["device"] = {name: value for name, value in (problem["device"] | changed).items() if value is not None}
+    with pytest.raises(vctune.InputError) as refused:
+        vctune.problem(problem)
+    assert any(each.key == key and words in each.message for each in refused.value.mistakes)

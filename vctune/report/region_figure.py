@@ -23,6 +23,7 @@ from vctune.model.gains import Gains
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
+from vctune.model.rest import greatest_at_rest
 from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, log_ticks, text_of_ticks
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
@@ -90,6 +91,7 @@ def region_figure(
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)
+        _rest(axes, problem, plane)
         figure.legend(loc="outside upper center", ncols=2)
     return figure
 
@@ -179,6 +181,19 @@ def _lines(
         axes.clabel(drawn, fmt="%g", fontsize=8)
     if any(drawn.allsegs):
         axes.plot([], [], dashes, color=colour, linewidth=1.0, label=label)
+
+
+def _rest(axes: Axes, problem: Problem, plane: Plane) -> None:
+    """Draw the greatest stiffness with which the device rests between the steps of its encoder."""
+    stiffness = 3 if problem.device.kind.inverse else 1  # k_c or K_p
+    greatest = greatest_at_rest(problem.device)
+    if greatest is None or stiffness not in plane.axes:
+        return
+    along = plane.axes.index(stiffness)
+    at = float(_axes(plane)[along].places(greatest))
+    label = f"rests up to {'k_c' if stiffness == 3 else 'K_p'} = 2 f/q"
+    if np.isfinite(at):
+        (axes.axvline if along == 0 else axes.axhline)(at, color=INK, linewidth=1.4, linestyle="-.", label=label)
 
 
 def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:

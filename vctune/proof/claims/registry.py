@@ -218,8 +218,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The coupling of an impedance display ends in a rigid world, so that it is a wall that is always in "
                 "contact. The device is stable in any passive hand: the condition of Colgate and Schenkel, exact with "
-                "delays, filters and actuator. If `operator.damping.min` is above 0, every hand must have at least "
-                "this damping: the proof counts on it."
+                "delays, filters and actuator. Dry friction at a rigid handle is part of such a hand. If "
+                "`operator.damping.min` is above 0, every hand must have at least this damping: the proof counts on it."
             ),
             asked=lambda demands, _: demands.any_hand and demands.rigid,
         ),
@@ -233,7 +233,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The coupling of an impedance display ends in a rigid world, so that it is a wall that is always in "
                 "contact. The device is stable in each hand of `[operator]`. The claim is about the exact sampled "
-                "loop, and does not cover a contact that is made and broken."
+                "loop of linear hands: it does not cover a contact that is made and broken, nor dry friction."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.rigid,
         ),
