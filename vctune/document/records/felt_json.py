@@ -80,11 +80,12 @@ class ChatterRecord(Part):
         of_encoder = reading == "encoder"
         value, unit = (self.chatter_m, units.position) if of_encoder else (self.chatter_m_s, units.speed)
         step = _milli(self.step, units.position) if of_encoder else f"{text(self.step, 3)} {units.force}"
-        force = f" and {text(self.chatter_N, 3)} {units.force}" if self.chatter_N else ""
-        shown = "" if value is None else _milli(value, unit)
-        value_text, _, unit_text = shown.partition(" ")
+        bounds = [] if value is None else [_milli(value, unit)]
+        bounds += [f"{text(self.chatter_N, 3)} {units.force}"] if self.chatter_N else []
+        value_text, _, rest = (" and ".join(bounds) or "none").partition(" ")
         where = f"from steps of {step} of the {reading}, in the hand of {self.hand.in_words(units)}"
-        return Row("chatter at most", value_text or "none", f"{unit_text}{force} {where}; computed, without friction")
+        slow = "; the motion dies away too slowly for a bound" if value is None else ""
+        return Row("chatter at most", value_text, f"{rest} {where}; computed, without friction{slow}".strip())
 
 
 def _milli(value: float, unit: str) -> str:
