@@ -249,7 +249,9 @@ class Device:
     @property
     def senses_late(self) -> bool:
         """Whether the device has a force sensor with a low-pass, a delay or a filter."""
-        return replace(self.sensing, resolution=None) != ForceSensor()
+        sensor = self.sensing
+        at_once = isinstance(sensor.delay, float) and sensor.delay == 0
+        return not at_once or sensor.bandwidth_hz is not None or sensor.filter_coefficient is not None
 
     @property
     def sensing_at_once(self) -> Device:
