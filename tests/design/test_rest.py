@@ -239,6 +239,7 @@ def test_a_region_shows_where_it_rests():
     [
         ({"friction": None}, "stability.rest", "device.friction"),
         ({"velocity": {}}, "stability.rest", "device.velocity.resolution"),
+        ({"friction": 0.0}, "device.friction", "no wall rests"),
         ({}, "coupling.stiffness", "greatest that rests"),
     ],
 )

@@ -19,7 +19,7 @@ from vctune.proof.outcome import Verdict
 REST = "the chatter at rest"  # Name of a part that a time limit may leave out
 # Shares of the range of stiffness, with which the hardest vertex is softened: the worst spring lies inside the range
 SOFTER = (0.001, 0.01, 0.03, 0.1, 0.3, 0.6)
-AT_THE_PORT: tuple[ClaimId, ...] = ("any_hand", "wall_in_any_hand")  # Claims that the port of the handle is passive
+AT_THE_PORT: ClaimId = "wall_in_any_hand"  # The claim that the port of the handle is passive, its errors apart
 
 
 def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
@@ -36,9 +36,9 @@ def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
     if q is not None and f is not None:
         design = Design(device, gains, coupling)
         found |= {"friction_N": f, "rests": rests(design)}
-        passive = any(outcomes[claim].verdict is Verdict.PROVED for claim in AT_THE_PORT if claim in outcomes)
-        if not settles(design) or (passive and device.structure is None):
-            found["settles"] = settles(design)
+        passive = AT_THE_PORT in outcomes and outcomes[AT_THE_PORT].verdict is Verdict.PROVED
+        if passive and device.structure is None and settles(design):
+            found["settles"] = True
     if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
         found["encoder"] = _chatter("encoder", problem, judgement, q)
         found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
@@ -71,7 +71,14 @@ def _chatter(reading: Reading, problem: Problem, judgement: Judgement, step: flo
     found = max(each, key=lambda of: of.motion)
     moved = {"chatter_m" if reading == "encoder" else "chatter_m_s": found.motion}
     force = {} if problem.device.servo is not None else {"chatter_N": max(of.force for of in each)}
-    return ChatterRecord(step=step, hand=found.hand, **moved, **force)
+    return ChatterRecord(step=step, hand=found.hand, before=_in_words(problem), **moved, **force)
+
+
+def _in_words(problem: Problem) -> str:
+    """Return the environments of `encountered` in words."""
+    if problem.rigid:
+        return "a rigid world"
+    return "nothing and a rigid world" if problem.worlds is None else "the least and the greatest environment"
 
 
 def _with_share(hand: Hand, boxed: Hands, share: float) -> Hand:

@@ -70,10 +70,11 @@ class ChatterRecord(Part):
     """The most that the steps of a reading cause at rest, in the worst hand, without friction; null without a bound."""
 
     step: float  # m of the encoder, N of the force sensor
-    chatter_m: Number = None  # half of what the handle moves, by the encoder
+    chatter_m: Number = None  # half of what the handle moves, of a flexible one the motor, by the encoder
     chatter_m_s: Number = None  # half of what its velocity varies, by the force sensor
     chatter_N: Number = None  # half of what the motor's force varies
     hand: Hand
+    before: str  # the environments of which it is the worst, in words
 
     def row(self, reading: str, units: Units) -> Row:
         """Return the bounds with their reading and hand."""
@@ -83,7 +84,9 @@ class ChatterRecord(Part):
         bounds = [] if value is None else [_milli(value, unit)]
         bounds += [f"{text(self.chatter_N, 3)} {units.force}"] if self.chatter_N else []
         value_text, _, rest = (" and ".join(bounds) or "none").partition(" ")
-        where = f"from steps of {step} of the {reading}, in the hand of {self.hand.in_words(units)}"
+        where = (
+            f"from steps of {step} of the {reading}, in the hand of {self.hand.in_words(units)} before {self.before}"
+        )
         slow = "; the motion dies away too slowly for a bound" if value is None else ""
         return Row("chatter at most", value_text, f"{rest} {where}; computed, without friction{slow}".strip())
 
@@ -101,9 +104,14 @@ class RestRecord(Part):
     damper_step_N: Number = None
     friction_N: Number = None
     rests: bool | None = None  # whether the friction holds the spring's step both ways; null if one is not known
-    settles: bool | None = None  # whether every motion comes to rest; null if that is not known
+    settles: bool | None = None  # true if every motion comes to rest; null if that is not known
     encoder: ChatterRecord | None = None
     force_sensor: ChatterRecord | None = None
+
+    @property
+    def _moved_by_damper(self) -> bool:
+        """Whether half of the spring's step and the damper's together exceed the friction."""
+        return 0.5 * (self.step_N or 0.0) + (self.damper_step_N or 0.0) > (self.friction_N or 0.0)
 
     def sentences(self, units: Units) -> list[str]:
         """Return what is assumed of friction and steps, and what follows from it, for a reader of the firmware."""
@@ -125,11 +133,12 @@ class RestRecord(Part):
             verb = "is at most" if self.rests else "is more than"
             holds = f"{self.spring} q = {step} {units.force} {verb} twice the friction, {twice} {units.force}"
             yield Row("rests", "yes" if self.rests else "no", f"where it stops: {holds}")
-        if self.rests and self.settles is not None:
-            damper = f"the damper's {text(self.damper_step_N, 4)} {units.force} a step"
-            all_of_it = f"from every motion: the friction also holds {damper}"
+        damper = f"the damper's {text(self.damper_step_N, 4)} {units.force} a step"
+        if self.settles:
+            yield Row("comes to rest", "yes", f"from every motion: the friction also holds {damper}")
+        elif self.rests and self._moved_by_damper:
             some = f"{damper} may keep it trembling within a step, where the force is between two readings"
-            yield Row("comes to rest", "yes" if self.settles else "mostly", all_of_it if self.settles else some)
+            yield Row("comes to rest", "mostly", some)
         for reading, of in (("encoder", self.encoder), ("force sensor", self.force_sensor)):
             if of is not None:
                 yield of.row(reading, units)

@@ -401,6 +401,8 @@ def _rest(file: Stated) -> Found:
         if file.value(key) is None:
             message = f"needs {key}, the {file.units.translated(what)}; state it, or leave rest out"
             yield "stability.rest", message
+    if file("device.friction") == 0 and file.impedance:
+        yield "device.friction", "0 holds no step of the encoder, so that no wall rests; raise it, or leave rest out"
     key = "coupling.stiffness" if file.impedance else "gains.position"
     stiffest = 2 * file("device.friction") / file("device.velocity.resolution", nan)
     if (least := file(f"{key}.min")) > stiffest:
