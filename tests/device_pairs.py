@@ -20,7 +20,7 @@ def tables_of(device: Device) -> Tables:
     """Return the tables of a device and of its least operator."""
     known = _stated(asdict(device))
     operator = known.pop("operator", {})
-    if "velocity" in known:
+    if "source" in known.get("velocity", {}):
         known["velocity"]["from"] = known["velocity"].pop("source")
     return {"device": known, "operator": operator}
 

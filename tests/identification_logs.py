@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Friction, MovingHand
-from vctune.model.loop.filters import low_pass_coefficients
+from vctune.model.loop.filters import velocity_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.simulation.controller import Law
@@ -64,13 +64,11 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
     K_v, K_p = gains or (OPEN, 0.0)
     damping = 1.0 if gains else OPEN
     estimate = device.velocity or VelocityEstimate()
-    smooth = estimate.filter_hz is not None
     law = Law(
         sample_time=device.sample_time, velocity=K_v, position=K_p, integral=0.0, coupling=None,
         virtual_mass=0.0, virtual_damping=damping, environment=FREE, position_resolution=0.0,
         difference=estimate.source == "difference",
-        smoothing=float(low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
-        low_passes=estimate.filter_order if smooth else 0, limit=None,
+        velocity_filter=velocity_sections(device, FLOATS), force_filter=(), limit=None,
     )  # fmt: skip
     nobody = MovingHand("reciprocate", 0.0, 1.0, 1.0, 1, 0.0, 0.0, 0.0)
     scene = Scene(device, hand or nobody, friction, law, 1.0, 0)

@@ -178,7 +178,7 @@ def test_in_single_precision_it_is_the_rounded_constants_that_are_proved():
     file = read_problem(ROOT / "problems/friction-wheel-hands.toml")
     given = read_gains(ROOT / "tests/gains/friction-wheel-hands.toml")
     made = firmware(file, given.gains, given.coupling, "single")
-    problem, (gains, coupling) = rounded(file.problem, made.coefficients)
+    problem, (gains, coupling) = rounded(file.problem, made.coefficients, made.controller)
     assert certified(made)
     assert (made.record.gains, made.record.coupling) == (gains, coupling) != (given.gains, given.coupling)
     assert all(float(np.float32(number)) == number for number in made.coefficients.values())

@@ -10,23 +10,9 @@ from test_export import SERVOS
 from test_servos import ARM, CONTACT
 
 from vctune import export, write_export
-from vctune.document.text.toml import toml_text
 from vctune.firmware.vectors import default_experiments
 from vctune.model.gains import Coupling
 from vctune.simulation.controller import coupling_coefficients, coupling_of
-
-
-def test_the_caller_is_told_to_filter_and_to_pull(tmp_path):
-    device = ARM["device"] | {
-        "servo": ARM["device"]["servo"] | {"stiffness": 20.0},
-        "force_sensor": {"filter_coefficient": 0.5},
-    }
-    for stated, expected in ((ARM["device"], False), (device, True)):
-        (tmp_path / "servo.toml").write_text(toml_text(ARM | {"device": stated}))
-        header = export(tmp_path / "servo.toml", unproved=True).files["vctune_controller.h"]
-        told = re.sub(r"\s+(\* )?", " ", header)
-        assert ("the caller filters the samples of the force with a = 0.5" in told) == expected
-        assert ("adds the force of a spring of 20.0 N/m on the servo's position" in told) == expected
 
 
 @pytest.mark.parametrize("command", SERVOS)

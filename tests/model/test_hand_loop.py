@@ -115,7 +115,7 @@ def radius(device: Device, gains: Gains, hand: Hand) -> float:
     """Return the spectral radius: F e^(-j n theta/2) is a polynomial in e^(-j theta), with its DFT as coefficients."""
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
     theta = 2 * pi * np.arange(64) / 64
-    turned = np.exp(-0.5j * (len(plant.push) + plant.order) * theta)
+    turned = np.exp(-0.5j * (len(plant.push) + plant.filter_poles) * theta)
     coefficients = np.fft.ifft(number(loop_in_hand(plant, theta, FLOATS).closed(gains), theta) * turned).real
     degree = int(np.flatnonzero(np.abs(coefficients) > 1e-14 * np.abs(coefficients).max())[-1])
     return float(np.abs(np.roots(coefficients[: degree + 1])).max())

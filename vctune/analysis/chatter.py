@@ -17,11 +17,12 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand, stacked
+from vctune.model.loop.filters import force_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.problem import Problem
-from vctune.model.rest import damping_read, read_in_steps, stiffness_read
-from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand, one_pole
+from vctune.model.rest import damping_acting, read_in_steps, stiffness_read
+from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand, quotient
 from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter
 from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
@@ -112,11 +113,16 @@ class _Answers(NamedTuple):
         """The motor's force, with the opposite sign, per read position."""
         passed = firmware_filter(self.device, self.theta, FLOATS)
         low_pass = 1.0 if passed is None else passed.re + 1j * passed.im
-        rigid = self.world.stiffness == inf
-        coupled = isinstance(self.coupling, SpringDamper) and rigid
-        damping = damping_read(self.gains, self.coupling) if coupled else self.gains.velocity
-        stiffness = stiffness_read(self.gains, self.coupling) if coupled else self.gains.position
-        return damping * low_pass * self._back / self.device.sample_time + stiffness
+        damping, stiffness = self._acting
+        difference = self._back / self.device.sample_time if self.device.differences else 0.0
+        return damping * low_pass * difference + stiffness
+
+    @property
+    def _acting(self) -> tuple[float, float]:
+        """Damping and stiffness that act on velocity and position, with the coupling as a wall before a rigid world."""
+        if isinstance(self.coupling, SpringDamper) and self.world.stiffness == inf:
+            return damping_acting(self.gains, self.coupling), stiffness_read(self.gains, self.coupling)
+        return self.gains.velocity, self.gains.position
 
     def _admittance(self) -> Any:
         """Return the commanded velocity per sensed force: 1/(Z_c + Z_e), or 0 before what does not move."""
@@ -136,7 +142,8 @@ class _Answers(NamedTuple):
         assert not isinstance(loop, CommandInHand)
         opened, position = self._complex(loop.open), self._complex(loop.position)
         if isinstance(loop, ForceInHand):
-            return opened + self._read * position, opened, position
+            damping, stiffness = self._acting
+            return opened + damping * self._complex(loop.velocity) + stiffness * position, opened, position
         felt = self._complex(loop.numerator(self.gains)) / (2j * np.sin(self.theta / 2))
         return self._complex(loop.closed(self.gains)) + self._admittance() * felt, opened, position
 
@@ -147,12 +154,10 @@ class _Answers(NamedTuple):
 
     def of_force(self) -> tuple[Any, Any]:
         """Return velocity and motor force per error of the sensed force; of a servo the commanded velocity, and 0."""
-        T, share = self.device.sample_time, self.device.sensing.filter_coefficient
-        heard: Any = 1.0
-        if share is not None:
-            sin = np.sin(self.theta / 2)
-            even, odd = one_pole(share, np.cos(self.theta / 2), sin * sin)
-            heard = even + 1j * sin * odd
+        T, sin, heard = self.device.sample_time, np.sin(self.theta / 2), 1.0 + 0j
+        for section in force_sections(self.device):
+            even, odd = quotient(section, np.cos(self.theta / 2), sin * sin)
+            heard = heard * (even + 1j * sin * odd)
         commanded = self._admittance() * heard
         if isinstance(self.loop, CommandInHand):
             seen = self._complex(self.loop.seen) / (2j * np.sin(self.theta / 2))

@@ -77,9 +77,10 @@ def _felt_force(
     """Return D/N of an impedance display."""
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
-    tool = 0j * omega
-    if environment is None or environment.any():
-        low_pass = firmware_filter(device, theta, FLOATS)
+    tool, low_pass, met = 0j * omega, firmware_filter(device, theta, FLOATS), environment is None or environment.any()
+    if met and not device.differences:  # a wall: its damper acts on the velocity, its spring on the position
+        tool = coupling.damping * (1.0 if low_pass is None else _complex(low_pass)) + coupling.stiffness / s
+    elif met:
         given = _complex(spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS))
         given = given if environment is None else given + 1 / environment
         tool = np.asarray(np.sinc(theta / (2 * np.pi)) * np.exp(-0.5j * theta) / given)

@@ -162,6 +162,8 @@ class Loop:
 
         def response(theta: Floats) -> Complex:
             if isinstance(coupling, SpringDamper):
+                if not device.differences:
+                    raise ValueError("Z_c: damper and spring act on two signals, a measured velocity and the position")
                 low_pass = firmware_filter(device, theta, FLOATS)
                 admittance = spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS)
                 return np.asarray(1 / (admittance.re + 1j * admittance.im))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from math import floor, inf, log10, pi
+from math import floor, inf, log10, pi, prod
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hands import Hands
+from vctune.model.loop.filters import force_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz
 from vctune.model.problem import Problem
@@ -132,7 +133,7 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
 def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:
     """Return the velocity that a servo at rest is commanded in the first sample of a unit of sensed force, through the
     firmware's filter and with nothing behind, and its rate over this sample."""
-    share, T = device.sensing.filter_coefficient or 1.0, device.sample_time
+    share, T = prod(float(section.now) for section in force_sections(device)), device.sample_time
     speed = share / coupling_coefficients(coupling, T, rule=device.rule)["resistance"]
     return speed, speed / T
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from functools import partial
 from typing import Any
 
-from vctune.firmware.firmware import Firmware, certified, comment, literal
+from vctune.firmware.firmware import FILTERS, Firmware, certified, comment, literal
 from vctune.firmware.preamble import rendered, statement
+from vctune.model.numbers.matrices import nothing
 from vctune.model.numbers.units import OF_KEYS
+from vctune.simulation.controller import memory_of
 
 # Symbol and quantity of each coefficient that is a constant of the C code
 CONSTANTS = {
@@ -20,8 +23,10 @@ CONSTANTS = {
     "coupling_stiffness": ("k_c", "stiffness"),
     "coupling_damping": ("b_c", "damping"),
     "resistance": ("R_v", "damping"),
-    "smoothing": ("a_f", ""),
+    "own_stiffness": ("k_s", "stiffness"),
 }
+# Symbol of each coefficient of a section
+OF_SECTION = {"now": "b_0", "before": "b_1", "earlier": "b_2", "again": "a_2"}
 COMMANDED = {"force": "force", "velocity": "speed", "position": "position"}  # Quantity of each command
 # The remark on units in the head of the C header, for a linear and for a rotary device
 SYSTEM = {
@@ -59,7 +64,7 @@ def variables(firmware: Firmware) -> dict[str, Any]:
     T, limited = device.sample_time, c.command == "force"
     reads = reads_of(firmware)
     words = [units.force_name if name == "force" else name for name in reads]
-    constants = [name for name in firmware.coefficients if name != "smoothing" or c.low_passes]
+    constants = list(firmware.coefficients)
     gains = [name for name in constants if name.endswith("_gain")]
     return {
         "top": top,
@@ -80,8 +85,12 @@ def variables(firmware: Firmware) -> dict[str, Any]:
         "spring": c.spring,
         "euler": c.euler,
         "difference": c.difference,
-        "low_passes": c.low_passes,
-        "start_head": _start_head(c.difference, limited),
+        "filters": {name: [one.low_pass for one in getattr(c, name)] for name in FILTERS if getattr(c, name)},
+        "memory": {name: sum(map(memory_of, getattr(c, name))) for name in FILTERS},
+        "terms": partial(_terms, firmware),
+        "own_spring": c.own_stiffness > 0,
+        "started": started_with(firmware),
+        "start_head": _start_head(firmware),
         "reads": reads,
         "reads_in_words": " and ".join([*([", ".join(words[:-1])] if words[1:] else []), words[-1]]),
         "columns": {"position": 0, "velocity": 1, "force": 2},
@@ -95,16 +104,34 @@ def variables(firmware: Firmware) -> dict[str, Any]:
 def reads_of(firmware: Firmware) -> list[str]:
     """Return the names of the measurement's fields that a firmware reads."""
     c = firmware.controller
-    motion = [] if c.command != "force" else ["position", *([] if c.difference else ["velocity"])]
+    motion = ["position", *([] if c.difference else ["velocity"])]
+    if c.command != "force":
+        motion = ["position"] if c.own_stiffness > 0 else []
     return motion if c.spring else [*motion, "force"]
 
 
-def _start_head(difference: bool, limited: bool) -> str:
+def _terms(firmware: Firmware, name: str, place: int) -> str:
+    """Return what a section adds to a low-pass, in C, in the order of the simulation."""
+    section = getattr(firmware.controller, name)[place]
+    of = {"before": "(memory[2] - y)", "earlier": "(memory[3] - y)", "again": "(y - memory[1])"}
+    each = (key for key in of if not nothing(getattr(section, key)))
+    return " + ".join(f"VCTUNE_{name.upper()}_{place}_{key.upper()} * {of[key]}" for key in each)
+
+
+def started_with(firmware: Firmware) -> list[str]:
+    """Return the names of the numbers with which the function vctune_start is called."""
+    c = firmware.controller
+    position = ["position"] if c.difference or c.own_stiffness > 0 else []
+    force = ["force"] if c.force_filter else []
+    return [*position, "reference", *force, *(["limit"] if c.command == "force" else [])]
+
+
+def _start_head(firmware: Firmware) -> str:
     """Return the head of the function vctune_start."""
-    first, last = "vctune_real position, " if difference else "", ", vctune_real limit" if limited else ""
+    numbers = ", ".join(f"vctune_real {name}" for name in started_with(firmware))
     indent = " " * len("vctune_state vctune_start(")
     second_line = f"{indent}vctune_environment_function render, void *environment)"
-    return f"vctune_state vctune_start({first}vctune_real reference{last},\n{second_line}"
+    return f"vctune_state vctune_start({numbers},\n{second_line}"
 
 
 def _stated(firmware: Firmware) -> list[str]:
@@ -118,11 +145,16 @@ def _stated(firmware: Firmware) -> list[str]:
     ]
 
 
+def _meaning(name: str) -> tuple[str, str]:
+    """Return the symbol and the quantity of a constant."""
+    return CONSTANTS.get(name) or (OF_SECTION[name.rpartition("_")[-1]], "")
+
+
 def _defined(firmware: Firmware, names: list[str]) -> list[str]:
     """Return constants as aligned lines of the C preprocessor, each with its symbol and unit."""
     texts = [
         f"#define VCTUNE_{name.upper()} ({literal(firmware.coefficients[name], firmware.precision)})" for name in names
     ]
-    told = [f"{symbol}, {firmware.units.of(of) or '1'}" for symbol, of in map(CONSTANTS.__getitem__, names)]
+    told = [f"{symbol}, {firmware.units.of(of) or '1'}" for symbol, of in map(_meaning, names)]
     width = max(map(len, texts), default=0)
     return [f"{text:<{width}} /* {meaning} */" for text, meaning in zip(texts, told, strict=True)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from math import inf, log, pi
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
+from math import inf, pi
 from typing import Any, Literal
 
 import numpy as np
@@ -18,12 +19,15 @@ from vctune.document.text.json import digest
 from vctune.model.device import Device
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.matrices import nothing
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
+from vctune.model.sections import Section, rows_of_sections
 from vctune.simulation.controller import Controller, controller_of, coupling_of
 from vctune.simulation.scene import designed_law
 
 Precision = Literal["double", "single"]
+FILTERS = ("velocity_filter", "force_filter")  # Fields of a controller that are filters
 # An environment without mass, damping and stiffness, because the constants of a firmware do not depend on it
 NO_ENVIRONMENT = Environment(0.0, 0.0, 0.0, 0.0, False)
 
@@ -69,12 +73,13 @@ def firmware(
     """Return a design as firmware, after proving it with the constants that the firmware will have."""
     device = file.problem.device
     controller = controller_of(designed_law(device, gains, coupling, NO_ENVIRONMENT))
-    coefficients = {name: getattr(controller, name) for name in constants_of(controller)}
+    coefficients = {name: getattr(controller, name) for name in constants_of(controller)} | filter_constants(controller)
     problem, design = file.problem, (gains, coupling)
     if precision == "single":
         coefficients = {name: float(np.float32(number)) for name, number in coefficients.items()}
-        problem, design = rounded(file.problem, coefficients)
-        numbers: dict[str, Any] = {name: np.float32(number) for name, number in coefficients.items()}
+        problem, design = rounded(file.problem, coefficients, controller)
+        numbers: dict[str, Any] = {name: np.float32(coefficients[name]) for name in constants_of(controller)}
+        numbers |= {name: _filter(name, coefficients, controller, np.float32) for name in FILTERS}
         controller = replace(controller, **numbers)
     judgement = judged(problem, design, corner)
     record = record_of(file, Solved(problem=problem, judgement=judgement))
@@ -100,23 +105,58 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
 def constants_of(controller: Controller) -> tuple[str, ...]:
     """Return the names of the coefficients that are constants of the C code."""
     if controller.command != "force":
-        return ("sample_time", "half_sample_time", "coupling_step", "coupling_decay", "resistance")
+        own_spring = ("own_stiffness",) if controller.own_stiffness > 0 else ()
+        return ("sample_time", "half_sample_time", "coupling_step", "coupling_decay", "resistance", *own_spring)
     own = ["position_gain", "coupling_step", "coupling_decay"]
     if controller.spring:
         own = ["coupling_stiffness", "coupling_damping"]
-    return ("sample_time", "half_sample_time", "velocity_gain", *own, "resistance", "smoothing")
+    return ("sample_time", "half_sample_time", "velocity_gain", *own, "resistance")
 
 
-def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
+def filter_constants(controller: Controller) -> dict[str, float]:
+    """Return the coefficients of a controller's filters as constants of the C code."""
+    each = ((name, place, section) for name in FILTERS for place, section in enumerate(getattr(controller, name)))
+    return {
+        f"{name}_{place}_{key}": number
+        for name, place, section in each
+        for key, number in asdict(section).items()
+        if not nothing(number)
+    }
+
+
+def _filter(
+    name: str, coefficients: dict[str, float], controller: Controller, number: Callable[[float], Any]
+) -> tuple[Section, ...]:
+    """Return a filter of a controller with given coefficients."""
+    places = range(len(getattr(controller, name)))
+    keys = [field.name for field in fields(Section)]
+    of = ({key: coefficients.get(f"{name}_{place}_{key}") for key in keys} for place in places)
+    return tuple(Section(**{key: 0 if each is None else number(each) for key, each in one.items()}) for one in of)
+
+
+def rounded(
+    problem: Problem, coefficients: dict[str, float], controller: Controller
+) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design whose exact coefficients equal given rounded coefficients."""
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
-    estimate = device.velocity
-    if estimate is not None and estimate.filter_hz is not None:
-        estimate = replace(estimate, filter_hz=-log(1 - coefficients["smoothing"]) / (2 * pi * T))
+    velocity, force = (_filter(name, coefficients, controller, float) for name in FILTERS)
+    estimate, sensor, servo = device.velocity, device.force_sensor, device.servo
+    if estimate is not None and velocity:
+        count = len(velocity) - len(estimate.sections or ())  # low-passes come before sections
+        a = velocity[0].now if count else None
+        rows = rows_of_sections(velocity[count:]) or None
+        estimate = replace(estimate, filter_hz=None, filter_coefficient=a, sections=rows)
+    if sensor is not None and force:
+        count = len(force) - len(sensor.sections or ())
+        a, rows = force[0].now if count else None, rows_of_sections(force[count:]) or None
+        sensor = replace(sensor, filter_coefficient=a, sections=rows)
+    if servo is not None and servo.stiffness is not None:
+        servo = replace(servo, stiffness=coefficients["own_stiffness"])
     if stability.band.max <= pi / device.sample_time:
         stability = replace(stability, band=replace(stability.band, max=min(stability.band.max, pi / T)))
     gains = Gains(coefficients.get("velocity_gain", 0.0), coefficients.get("position_gain", 0.0))
-    again = replace(problem, device=replace(device, sample_time=T, velocity=estimate), stability=stability)
+    device = replace(device, sample_time=T, velocity=estimate, force_sensor=sensor, servo=servo)
+    again = replace(problem, device=device, stability=stability)
     return again, (gains, coupling_of(coefficients, T, device.rule))
 
 

@@ -14,8 +14,6 @@ from vctune.version import __version__
 
 # Assumption on the environments of a design without a box of environments
 PASSIVE_ENVIRONMENTS = "environments are passive as they run"
-# Beginning of the sentence on the parts of a servo's firmware that the exported equations lack
-LEFT_TO_CALLER = "Before each step, the caller"
 
 
 def statement(firmware: Firmware) -> list[str]:
@@ -64,7 +62,6 @@ def assumptions(firmware: Firmware) -> list[str]:
             "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
             *rest,
-            *_left_to_caller(device, units),
         ]
     sampled = "" if firmware.controller.spring else f"; the {units.force_name} is sampled just before"
     return [
@@ -73,7 +70,6 @@ def assumptions(firmware: Firmware) -> list[str]:
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
         *rest,
-        *_left_to_caller(device, units),
     ]
 
 
@@ -115,18 +111,6 @@ def rendered(firmware: Firmware) -> dict[str, str]:
         "backward": f"Not proved{wall}: by this rule {mass} and spring are other environments.",
         "trapezoidal": f"Proved within the box: {least}; {as_wall}.",
     }
-
-
-def _left_to_caller(device: Device, units: Units) -> list[str]:
-    """Return a sentence on the parts of the firmware that the exported equations lack: the filter of the force and a
-    servo's own spring. Return nothing if the device has neither."""
-    share, stiffness = device.sensing.filter_coefficient, device.servo and device.servo.stiffness
-    parts = [] if share is None else [f"filters the samples of the {units.force_name} with a = {share!r}"]
-    if stiffness is not None:
-        parts.append(
-            f"adds the {units.force_name} of a spring of {stiffness!r} {units.stiffness} on the servo's position"
-        )
-    return [f"{LEFT_TO_CALLER} {' and '.join(parts)}."] if parts else []
 
 
 def _mechanics(device: Device, units: Units) -> str:

@@ -15,7 +15,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.json import digest
 from vctune.document.text.toml import toml_text
 from vctune.firmware.firmware import Firmware, firmware
-from vctune.firmware.preamble import LEFT_TO_CALLER, statement
+from vctune.firmware.preamble import statement
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.version import __version__
 
@@ -81,8 +81,7 @@ def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmwar
     files with which it is checked."""
     axes_of_line: dict[str, list[str]] = {}
     for axis, controller in zip(axes, controllers, strict=True):
-        other = ("Controller of ", LEFT_TO_CALLER)  # the ROS 2 controller has the filter and the spring
-        statement_lines = [line for line in statement(controller) if line and not line.startswith(other)]
+        statement_lines = [line for line in statement(controller) if line and not line.startswith("Controller of ")]
         axes_of_line.setdefault("\n".join([*statement_lines, _least_ratio(controller)]), []).append(axis.axis)
     comments = [f"Parameters of {name} for an admittance_controller of ROS 2, written by vctune {__version__}.", ""]
     comments += [

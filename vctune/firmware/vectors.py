@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vctune.document.reading import ProblemFile
-from vctune.firmware.c_source import COMMANDED, rendered_template, variables
+from vctune.firmware.c_source import COMMANDED, rendered_template, started_with, variables
 from vctune.firmware.firmware import Firmware, certified, comment
 from vctune.firmware.preamble import not_proved, statement
 from vctune.model.device import Commanded
@@ -20,7 +20,6 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.simulation.controller import (
     FLOATS,
-    Controller,
     Measurement,
     at_rest,
     control,
@@ -38,7 +37,7 @@ def replay_files(firmware: Firmware, simulated: list[Replay]) -> dict[str, str]:
     """Return the texts of vectors.csv, replay.c and Makefile."""
     given: dict[str, Any] = {
         **variables(firmware),
-        "experiments": [experiment_line(one, firmware.controller) for one in simulated],
+        "experiments": [experiment_line(one, started_with(firmware)) for one in simulated],
         "ulp": ALLOWED_ULP,
         "hash_top": commented(statement(firmware)),
     }
@@ -66,6 +65,7 @@ class Replay:
     experiment: Experiment  # description of the experiment
     position: float  # start position of the motor as the encoder reads it, and start value of x_e, m
     reference: float
+    force: float  # force of the hand at the start, N
     measured: Floats  # position [m] as the encoder reads it, velocity [m/s] and force [N] at each sample, shape (n, 3)
     command: Floats  # commands u, N; for a servo m/s or m; shape (n,)
 
@@ -103,7 +103,8 @@ def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str],
     c = controller_of(scene.law)
     read = [encoded(c, float(sample), FLOATS) for sample in position]
     measured = np.column_stack([read, velocity, traces.sensed])
-    return Replay(experiment, encoded(c, begin.position, FLOATS), begin.reference, measured, traces.motor)
+    position = encoded(c, begin.position, FLOATS)
+    return Replay(experiment, position, begin.reference, begin.hand, measured, traces.motor)
 
 
 def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> str:
@@ -136,19 +137,20 @@ def commands(firmware: Firmware, replay: Replay) -> Floats:
     numbers: dict[str, Any] = {name: number(getattr(stated, name)) for name in ("mass", "damping", "stiffness", "zero")}
     T, most = firmware.controller.sample_time, number(inf if limit is None else limit)
     c = replace(firmware.controller, environment=rendering(replace(stated, **numbers), T), limit=most)
-    state, given = at_rest(c, number(replay.position), number(replay.reference)), []
+    c = replace(c, own_zero=number(replay.position))
+    state, given = at_rest(c, *map(number, (replay.position, replay.reference, replay.force))), []
     for row in replay.measured.tolist():
         state, command = control(c, state, Measurement(*map(number, row)), FLOATS)
         given.append(float(command.given))
     return np.array(given)
 
 
-def experiment_line(replay: Replay, c: Controller) -> str:
+def experiment_line(replay: Replay, started: list[str]) -> str:
     """Return an experiment as an element of the table in replay.c."""
     rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
-    limit = [replay.experiment.limit or 0.0] if c.command == "force" else []
-    begin = [*([replay.position] if c.difference else []), replay.reference, *limit]
+    limit = replay.experiment.limit or 0.0
+    begin = [limit if name == "limit" else getattr(replay, name) for name in started]
     fields = [f'"{replay.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(replay.command))]
     return f"{{{', '.join(fields)}}},"

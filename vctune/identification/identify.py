@@ -66,7 +66,7 @@ def known_of(log_map: LogMap, sample_time: float) -> Known:
         parts["velocity"] = replace(parts.get("velocity", VelocityEstimate()), source="difference")
     fixed = {} if stated.delay is None else {"delay": stated.delay}
     if SENSOR in parts:
-        through = sensor_response(parts[SENSOR], sample_time, 0.0, FLOATS)
+        through = sensor_response(Device(1.0, 0.0, sample_time, force_sensor=parts[SENSOR]), 0.0, FLOATS)
         fixed["sensor_delay"] = 0.0 if through is None else float(through.lag)
     if stated.actuator is not None:
         fixed["lag"] = 1 / (2 * pi * stated.actuator.bandwidth_hz)

@@ -95,11 +95,20 @@ class Device:
         return "force" if self.servo is None else self.servo.command
 
     @property
+    def differences(self) -> bool:
+        """Whether the firmware's velocity is the difference of the position."""
+        source = None if self.velocity is None else self.velocity.source
+        return source == "difference" or (source is None and self.kind.differences)
+
+    @property
     def coupling_may_drive(self) -> bool:
-        """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the
-        velocity."""
+        """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity
+        or with sections."""
         known = self.velocity
-        return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
+        if not self.kind.inverse or known is None:
+            return False
+        filtered = known.filter_hz is not None or known.filter_coefficient is not None
+        return known.sections is not None or (filtered and known.filter_order > 1)
 
     @property
     def bare(self) -> Device:
@@ -251,7 +260,8 @@ class Device:
         """Whether the device has a force sensor with a low-pass, a delay or a filter."""
         sensor = self.sensing
         at_once = isinstance(sensor.delay, float) and sensor.delay == 0
-        return not at_once or sensor.bandwidth_hz is not None or sensor.filter_coefficient is not None
+        others = sensor.bandwidth_hz, sensor.filter_coefficient, sensor.sections
+        return not at_once or any(each is not None for each in others)
 
     @property
     def sensing_at_once(self) -> Device:

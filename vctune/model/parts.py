@@ -9,11 +9,27 @@ from math import degrees
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from vctune.model.fields import Internal, Key, NotNegative, Order, Portion, Positive, record
+from vctune.model.fields import Internal, Key, NotNegative, Order, Portion, Positive, Real, record
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.sections import MOST_SECTIONS, SectionRows, faults_of_rows
+
+
+def _checked(rows: SectionRows) -> SectionRows:
+    if fault := faults_of_rows(rows):
+        raise ValueError(fault)
+    return rows
+
+
+Sections = Annotated[
+    tuple[tuple[Real, Real, Real, Real, Real, Real], ...],
+    Field(min_length=1, max_length=MOST_SECTIONS),
+    AfterValidator(_checked),
+]
+SECTIONS = "The firmware's filter, in second-order sections [b0, b1, b2, a0, a1, a2] as SciPy writes them,"
+DEFAULT = f"After any low-pass; stable, gain 1 at rest, at most {MOST_SECTIONS}. Default: none."
 
 
 @record
@@ -21,13 +37,14 @@ class VelocityEstimate:
     """How the firmware obtains the velocity of the motor."""
 
     source: Annotated[
-        Literal["measured", "difference"],
+        Literal["measured", "difference"] | None,
         Field(alias="from"),
         Key(
             "Source of the velocity: a sensor, or the backward difference of the sampled position. Default: measured; "
-            "for an impedance display the difference."
+            "for an impedance display the difference. An impedance display with a measured velocity is a wall, "
+            "environment.stiffness = inf, in the hands of [operator]."
         ),
-    ] = "measured"
+    ] = None
     filter_hz: Annotated[
         Positive | None,
         Key(
@@ -40,7 +57,9 @@ class VelocityEstimate:
             sampled=True,
         ),
     ] = None
-    filter_order: Annotated[Order, Key("Number of low-passes of `filter_hz` in series, 1 or 2.")] = 1
+    filter_order: Annotated[
+        Order, Key("Number of low-passes of `filter_hz` or `filter_coefficient` in series, 1 or 2.")
+    ] = 1
     resolution: Annotated[
         Positive | None,
         Key(
@@ -48,6 +67,16 @@ class VelocityEstimate:
             "of a count and what it makes the handle do at rest. Default: not stated."
         ),
     ] = None
+    filter_coefficient: Annotated[
+        Portion | None,
+        Key(
+            "Coefficient a of the firmware's low-pass y += a (x - y), 0 < a <= 1, in place of `filter_hz`. Default: no "
+            "low-pass.",
+            "ratio",
+            certain=True,
+        ),
+    ] = None
+    sections: Annotated[Sections | None, Key(f"{SECTIONS} of the velocity. {DEFAULT}")] = None
 
 
 @record
@@ -103,6 +132,7 @@ class ForceSensor:
             "stated."
         ),
     ] = None
+    sections: Annotated[Sections | None, Key(f"{SECTIONS} of the sensed samples. {DEFAULT}")] = None
 
 
 @record

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import exp, floor, inf, log10, pi
+from math import ceil, exp, floor, inf, log, log10, pi
 
 import numpy as np
 
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.loop.filters import low_pass_coefficients
-from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.loop.filters import velocity_sections
+from vctune.model.numbers.arithmetic import FLOATS, Floats
+from vctune.model.sections import rows_of_sections
 
+# An impulse response is computed until its slowest pole has fallen to this share, within these numbers of samples
+DIED_AWAY, LEAST_SAMPLES, MOST_SAMPLES = 1e-9, 16, 10**6
 DIGITS = 8  # Number of significant digits to which the greatest stiffness at rest is rounded down, those of a design
 
 
@@ -21,8 +24,13 @@ def stiffness_read(gains: Gains, coupling: AnyCoupling) -> float:
     return float(coupling.stiffness if isinstance(coupling, SpringDamper) else gains.position)
 
 
-def damping_read(gains: Gains, coupling: AnyCoupling) -> float:
+def damping_read(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the damping that acts on the differenced position, N s/m."""
+    return 0.0 if not device.differences else damping_acting(gains, coupling)
+
+
+def damping_acting(gains: Gains, coupling: AnyCoupling) -> float:
+    """Return the damping that acts on the velocity estimate, N s/m."""
     return float(gains.velocity + (coupling.damping if isinstance(coupling, SpringDamper) else 0.0))
 
 
@@ -49,7 +57,9 @@ def settles(design: Design) -> bool:
     drive, rises = device.actuator, 1.0
     if drive is not None and drive.order == 2:
         rises = (1 + exp(-pi)) / (1 - exp(-pi))  # the sum of the rises and falls of its response to a step
-    error = 0.5 * stiffness_read(gains, coupling) * q + step_of_damper(device, gains, coupling)
+    h = np.concatenate(([0.0], _impulse_response(device), [0.0]))
+    answer = _force_of_a_step(device, gains, coupling) * 0.5 * float(np.abs(np.diff(h)).sum())
+    error = 0.5 * stiffness_read(gains, coupling) * q + answer
     return bool(rests(design)) and rises * error <= f
 
 
@@ -67,19 +77,30 @@ def greatest_at_rest(device: Device) -> float | None:
 
 
 def step_of_damper(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the greatest force with which the damper answers one step of the reading, N.
+    """Return the greatest force with which the damper answers one step of the reading, N."""
+    return _force_of_a_step(device, gains, coupling) * float(np.abs(_impulse_response(device)).max())
 
-    The force rises to it and dies away; its rises and falls add up to twice this number.
-    """
-    estimate = device.velocity
-    assert estimate is not None
-    assert estimate.resolution is not None
-    peak = 1.0
-    if estimate.filter_hz is not None:
-        weight, left = (float(x) for x in low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS))
-        after = np.arange(2 + int(left / weight))  # of two low-passes the greatest is left/weight samples later
-        peak = weight if estimate.filter_order == 1 else float((weight**2 * (after + 1) * left**after).max())
-    return damping_read(gains, coupling) * estimate.resolution / device.sample_time * peak
+
+def _force_of_a_step(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
+    """Return the force of the damper for one step of the reading in a sample, without the filter, N."""
+    q = read_in_steps(device)
+    assert q is not None
+    return damping_read(device, gains, coupling) * q / device.sample_time
+
+
+def _impulse_response(device: Device) -> Floats:
+    """Return the impulse response of the filter of the velocity until it has died away."""
+    from scipy.signal import sosfilt
+
+    sections = velocity_sections(device, FLOATS)
+    if not sections:
+        return np.ones(1)
+    rows = np.array(rows_of_sections(sections), float)
+    slowest = max(float(np.abs(np.roots(row[3:])).max()) for row in rows)
+    count = LEAST_SAMPLES if slowest == 0 else LEAST_SAMPLES + ceil(log(DIED_AWAY) / log(slowest))
+    impulse = np.zeros(min(count, MOST_SAMPLES))
+    impulse[0] = 1.0
+    return np.asarray(sosfilt(rows, impulse))
 
 
 def _exact(number: float) -> Fraction:

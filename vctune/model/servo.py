@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import ceil
 
 from vctune.model.device import Device
+from vctune.model.loop.filters import force_sections
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.parts import LATENCY
 from vctune.model.sampled.circle import SNAP
@@ -60,8 +61,8 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
     late, smoothed = 0 * half + sensor.delay, 0 * half
     if sensor.bandwidth_hz is not None:
         late = late + _lag(sensor.bandwidth_hz, sensor.order, ops)
-    if sensor.filter_coefficient is not None:
-        smoothed = device.sample_time * (1 - sensor.filter_coefficient) / sensor.filter_coefficient
+    for section in force_sections(device):
+        smoothed = smoothed + device.sample_time * section.lag
     return Latency(
         hold=half,
         interpolation=half if device.interpolates else 0 * half,

@@ -72,7 +72,7 @@ def _device(problem: Problem) -> list[Line]:
         held = {"velocity": "held over a sample", "position": "interpolated over a sample"}[servo.command]
         lines += [Line("servo: order", str(servo.order)), Line("command", servo.command, "", held)]
     else:
-        measured = device.velocity is None or device.velocity.source == "measured"
+        measured = not device.differences
         lines += [Line("velocity", "measured" if measured else "from the position"), Line("hold", device.hold)]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]

@@ -6,7 +6,7 @@ last bit."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
@@ -16,6 +16,7 @@ from vctune.model.device import Commanded
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Coupling, Rule, SpringDamper, stepped
 from vctune.model.numbers.arithmetic import Number
+from vctune.model.sections import Section
 
 
 def exact(decimal: float) -> Fraction:
@@ -24,17 +25,13 @@ def exact(decimal: float) -> Fraction:
 
 
 def coupling_coefficients(
-    coupling: AnyCoupling | None,
-    sample_time: float,
-    smoothing: float | None = None,
-    low_passes: int = 0,
-    rule: Rule = "trapezoid",
+    coupling: AnyCoupling | None, sample_time: float, filters: Sequence[Section] = (), rule: Rule = "trapezoid"
 ) -> dict[str, float]:
     """Return the coefficients of a coupling; the rule is that of a servo or an admittance display."""
     if coupling is None:
         return {"resistance": 0.0}
     if isinstance(coupling, SpringDamper):
-        at_once = exact(1.0 if smoothing is None else smoothing) ** low_passes
+        at_once = math.prod((exact(section.now) for section in filters), start=Fraction(1))
         resistance = exact(coupling.stiffness) * exact(sample_time) + exact(coupling.damping) * at_once
         return {
             "coupling_stiffness": coupling.stiffness,
@@ -122,11 +119,13 @@ class Law:
     environment: Environment  # the rendered environment
     position_resolution: float  # resolution of the encoder, m; 0 for an ideal encoder
     difference: bool  # True if the velocity is the backward difference of the measured position
-    smoothing: float | None  # a of the low-passes y += a (x - y) of the velocity; None without low-passes
-    low_passes: int  # number of these low-passes, up to 2
+    velocity_filter: tuple[Section, ...]  # the filters of the velocity and of the sensed force
+    force_filter: tuple[Section, ...]
     limit: float | None  # greatest force, N
     command: Commanded = "force"
     rule: Rule = "trapezoid"  # of the coupling
+    own_stiffness: float = 0.0  # spring of the firmware on a servo's position, N/m, and where it is at rest, m
+    own_zero: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,8 @@ class Controller:
     euler: bool  # whether it steps M a + D v = F by Euler
     spring: bool  # whether the coupling is a spring and a damper, as for an impedance display
     difference: bool
-    low_passes: int
+    velocity_filter: tuple[Section, ...]
+    force_filter: tuple[Section, ...]
     environment: Rendering
     sample_time: Number
     half_sample_time: Number
@@ -145,7 +145,6 @@ class Controller:
     position_gain: Number
     integral_gain: Number
     virtual_inertance: Number  # M_0/T of the virtual mass, N s/m
-    smoothing: Number
     resolution: Number
     limit: Number  # N; inf for none
     resistance: Number  # force per v_e of all but the environment, N s/m
@@ -153,19 +152,22 @@ class Controller:
     coupling_decay: Number = 0.0  # what a sample leaves of the coupling's force
     coupling_stiffness: Number = 0.0
     coupling_damping: Number = 0.0
+    own_stiffness: Number = 0.0
+    own_zero: Number = 0.0  # m
 
 
 def controller_of(law: Law) -> Controller:
     """Return a firmware with the coefficients of its law."""
     T = law.sample_time
-    coupling = coupling_coefficients(law.coupling, T, law.smoothing, law.low_passes, law.rule)
+    coupling = coupling_coefficients(law.coupling, T, law.velocity_filter, law.rule)
     coupling["resistance"] += law.virtual_mass / T + law.virtual_damping
     return Controller(
         command=law.command,
         euler=law.rule == "euler",
         spring=isinstance(law.coupling, SpringDamper),
         difference=law.difference,
-        low_passes=law.low_passes,
+        velocity_filter=law.velocity_filter,
+        force_filter=law.force_filter,
         environment=rendering(law.environment, T),
         sample_time=T,
         half_sample_time=T / 2,
@@ -173,9 +175,10 @@ def controller_of(law: Law) -> Controller:
         position_gain=law.position,
         integral_gain=law.integral,
         virtual_inertance=law.virtual_mass / T,
-        smoothing=1.0 if law.smoothing is None else law.smoothing,
         resolution=law.position_resolution,
         limit=inf if law.limit is None else law.limit,
+        own_stiffness=law.own_stiffness,
+        own_zero=law.own_zero,
         **coupling,
     )
 
@@ -200,8 +203,9 @@ class State:
     integral: Number  # integral of the position error, m s
     inertia: Number  # force of the environment's mass, N
     ahead: Number  # v_e of the next sample, m/s, of a mass by explicit Euler
-    filtered: tuple[Number, ...]  # velocity behind each low-pass, m/s
-    smoothed: tuple[Number, ...]  # v_e behind each low-pass, m/s; for an impedance display
+    filtered: tuple[Number, ...]  # memory of the filter of the velocity, m/s
+    smoothed: tuple[Number, ...]  # memory of the same filter of v_e, m/s; for an impedance display
+    sensed: tuple[Number, ...]  # memory of the filter of the sensed force, N
     late: tuple[Number, ...]  # forces of a late environment that act at the next samples, N
 
 
@@ -214,32 +218,40 @@ class Command:
     environment: Number
 
 
-def at_rest(c: Controller, position: Number, reference: Number) -> State:
-    """Return the state of a handle at rest."""
-    filters = (0.0,) * c.low_passes
-    late, smoothed = (0.0,) * c.environment.late, filters if c.spring else ()
-    return State(reference, 0.0, position, 0.0, 0.0, 0.0, 0.0, filters, smoothed, late)
+def at_rest(c: Controller, position: Number, reference: Number, force: Number = 0.0) -> State:
+    """Return the state of a handle at rest, in a hand with a constant force."""
+    still = (0.0,) * sum(map(memory_of, c.velocity_filter))
+    late, smoothed = (0.0,) * c.environment.late, still if c.spring else ()
+    sensed = (force,) * sum(map(memory_of, c.force_filter))
+    return State(reference, 0.0, position, 0.0, 0.0, 0.0, 0.0, still, smoothed, sensed, late)
+
+
+def memory_of(section: Section) -> int:
+    """Return how many numbers a section remembers: y, and unless it is a low-pass y_2, x_1 and x_2."""
+    return 1 if section.low_pass else 4
 
 
 def control(c: Controller, state: State, read: Measurement, ops: Operations) -> tuple[State, Command]:
     """Run the firmware for one sample."""
     measured = encoded(c, read.position, ops)
     velocity = (measured - state.measured) / c.sample_time if c.difference else read.velocity
-    filtered = _low_passed(c, state.filtered, velocity)
-    velocity = filtered[-1] if filtered else velocity
+    velocity, filtered = passed(c.velocity_filter, state.filtered, velocity)
+    sensed, heard = passed(c.force_filter, state.sensed, read.force)
+    if c.own_stiffness > 0:
+        sensed = sensed - c.own_stiffness * (read.position - c.own_zero)
     if c.environment.rigid:
         pressed = _pressed(c, measured, velocity, ops)
         still = replace(state, reference=c.environment.zero, measured=measured, filtered=filtered)
         return still, Command(_within(c.limit, -pressed - c.velocity_gain * velocity, ops), pressed)
     middle = state.reference + c.half_sample_time * state.desired
     if c.spring:
-        apart = _apart(c, state.smoothed, velocity)
+        apart = velocity - passed(c.velocity_filter, state.smoothed, 0.0)[0]  # without the share of the new v_e
         drive = c.coupling_stiffness * (measured - middle) + c.coupling_damping * apart
     else:
-        drive = read.force + c.coupling_step * state.desired - c.coupling_decay * state.coupling
+        drive = sensed + c.coupling_step * state.desired - c.coupling_decay * state.coupling
         drive = drive + c.virtual_inertance * state.desired
     desired, force, inertia, ahead, late = _rendered(c, state, drive, middle, ops)
-    smoothed = _low_passed(c, state.smoothed, desired)
+    smoothed = passed(c.velocity_filter, state.smoothed, desired)[1] if c.spring else ()
     coupling = c.coupling_decay * state.coupling + c.coupling_step * (desired - state.desired)
     led, integral = middle + c.half_sample_time * desired, state.integral  # x_e, unless the limit acts
     if c.command != "force":
@@ -263,7 +275,7 @@ def control(c: Controller, state: State, read: Measurement, ops: Operations) -> 
         reach = c.limit / c.position_gain if c.position_gain > 0 else inf
         reference = ops.where(limited, led - (error - _within(reach, error, ops)), led)
         given = _within(c.limit, asked, ops)
-    after = State(reference, desired, measured, coupling, integral, inertia, ahead, filtered, smoothed, late)
+    after = State(reference, desired, measured, coupling, integral, inertia, ahead, filtered, smoothed, heard, late)
     return after, Command(given, force)
 
 
@@ -282,21 +294,22 @@ def _within(bound: Number, value: Number, ops: Operations) -> Number:
     return ops.maximum(-bound, ops.minimum(bound, value))
 
 
-def _low_passed(c: Controller, before: tuple[Number, ...], source: Number) -> tuple[Number, ...]:
-    """Return a signal behind each low-pass in a row."""
-    after: list[Number] = []
-    for value in before:
-        after.append(value + c.smoothing * ((after or [source])[-1] - value))
-    return tuple(after)
-
-
-def _apart(c: Controller, smoothed: tuple[Number, ...], velocity: Number) -> Number:
-    """Return the velocity of the handle from the tool, m/s, without the share of the new v_e."""
-    carried = [value - c.smoothing * value for value in smoothed]
-    if not carried:
-        return velocity
-    apart = velocity - carried[-1]
-    return apart if len(carried) == 1 else apart - c.smoothing * carried[0]
+def passed(
+    filters: tuple[Section, ...], memory: tuple[Number, ...], source: Number
+) -> tuple[Number, tuple[Number, ...]]:
+    """Return a signal behind the sections of a filter, and their memory."""
+    value, before, after = source, list(memory), list[Number]()
+    for section in filters:
+        y, *older = before[: memory_of(section)]
+        del before[: memory_of(section)]
+        now = y + section.now * (value - y)
+        after.append(now)
+        if older:
+            y_2, x_1, x_2 = older
+            now = now + section.before * (x_1 - y) + section.earlier * (x_2 - y) + section.again * (y - y_2)
+            after[-1:] = now, y, value, x_1
+        value = now
+    return value, tuple(after)
 
 
 # v_e [m/s], the environment's force f_e [N], the force of its mass, v_e of the next sample, and the forces that wait

@@ -4,7 +4,7 @@ casadi."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import ceil
 from typing import Any, NamedTuple
@@ -158,9 +158,9 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 def build(scene: Scene) -> Step:
     """Assemble and compile the step of a scene."""
-    device, c, when = scene.device, controller_of(scene.law), timing(scene.device)
-    moving, begin = plant(device, scene.operator), equilibrium(scene)
-    rest = at_rest(c, encoded(c, begin.position, FLOATS), begin.reference)
+    device, when, begin = scene.device, timing(scene.device), equilibrium(scene)
+    moving, c = plant(device, scene.operator), controller_of(replace(scene.law, own_zero=begin.position))
+    rest = at_rest(c, encoded(c, begin.position, FLOATS), begin.reference, begin.hand)
     start = _start(scene, moving, rest, begin)
     now = {name: [ca.SX.sym(f"{name}_{k}") for k in range(len(numbers))] for name, numbers in start.items()}
     inputs = ca.SX.sym("inputs", len(INPUT_NAMES))
@@ -171,12 +171,7 @@ def build(scene: Scene) -> Step:
     values = [*body, held, _rubbing(scene, body[1], z), *push]
     sensed = now["between"][0] if now["between"] else row_times(moving.sensed, values)
     read = (now["unread"] or [sensed])[-1] + (inputs[NOISE] if scene.force_noise > 0 else 0.0)
-    after = {"filtered": [], "unread": [sensed, *now["unread"]][: when.unread]}
-    if (share := device.sensing.filter_coefficient) is not None:
-        read = now["filtered"][0] + float(share) * (read - now["filtered"][0])
-        after["filtered"] = [read]
-    if device.servo is not None and device.servo.stiffness is not None:
-        read = read - float(device.servo.stiffness) * (body[0] - begin.position)
+    after = {"unread": [sensed, *now["unread"]][: when.unread]}
     memory, command = control(c, _like(rest, now["memory"]), Measurement(body[0], body[1], read), CASADI_OPERATIONS)
     after["memory"], commands = _listed(memory), [command.given, *now["commands"]]
     after["commands"] = commands[:-1]
@@ -205,7 +200,6 @@ def _start(scene: Scene, moving: Plant, rest: State, begin: Equilibrium) -> dict
         "memory": _listed(rest),
         "commands": [begin.motor] * count,  # the newest first
         "unread": [begin.hand] * when.unread,  # forces that were sampled and not read, the newest first
-        "filtered": [] if device.sensing.filter_coefficient is None else [begin.hand],
     }
 
 

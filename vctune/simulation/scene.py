@@ -11,9 +11,8 @@ from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import low_pass_coefficients
+from vctune.model.loop.filters import force_sections, velocity_sections
 from vctune.model.numbers.arithmetic import FLOATS, Floats
-from vctune.model.parts import VelocityEstimate
 from vctune.simulation.controller import Law
 
 
@@ -88,10 +87,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
 
 def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
     """Return the firmware of a design, without a limit and with an ideal encoder."""
-    estimate = device.velocity or VelocityEstimate()
-    weight = None
-    if estimate.filter_hz is not None:
-        weight, _ = low_pass_coefficients(estimate.filter_hz, device.sample_time, FLOATS)
+
     return Law(
         sample_time=device.sample_time,
         velocity=gains.velocity,
@@ -102,12 +98,13 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
         virtual_damping=0.0,
         environment=environment,
         position_resolution=0.0,
-        difference=estimate.source == "difference",
-        smoothing=None if weight is None else float(weight),
-        low_passes=0 if weight is None else estimate.filter_order,
+        difference=device.differences,
+        velocity_filter=tuple(section.mapped(float) for section in velocity_sections(device, FLOATS)),
+        force_filter=tuple(section.mapped(float) for section in force_sections(device)),
         limit=None,
         command=device.commanded,
         rule=device.rule,
+        own_stiffness=0.0 if device.servo is None else float(device.servo.stiffness or 0.0),
     )
 
 

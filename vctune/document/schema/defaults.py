@@ -164,10 +164,11 @@ def device_of(table: Device | ServoDeviceTable) -> Device:
         servo = table.servo if table.servo.bandwidth_hz is not None else _divided(table.servo, table.sample_time)
         parts = {"servo": servo, "force_sensor": table.force_sensor}
         device = Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **parts)  # type: ignore[arg-type]
-    elif table.kind.differences:
-        device = replace(table, velocity=replace(table.velocity or VelocityEstimate(), source="difference"))
     else:
-        device = table
+        estimate = table.velocity or VelocityEstimate()
+        source = "difference" if table.kind.differences and estimate.source is None else estimate.source
+        usual = source == "measured" and not table.kind.differences
+        device = replace(table, velocity=replace(estimate, source=None if usual else source))
     absent: dict[str, Any] = {key: None for key, of in PARTS.items() if getattr(device, key) == of.ideal}
     return replace(device, **absent)
 

@@ -26,6 +26,7 @@ MAX_DECADES = 12  # Greatest width of a band, in decades of frequency
 # Greatest permitted delay of the device or the servo, and of its force sensor, each with its uncertainty, in samples
 MAX_DELAY_SAMPLES = 200
 FASTEST, SLOWEST = 1e3, 1e-6  # Greatest and least bandwidth or resonance, as a share of the sampling rate
+COEFFICIENT = "filter_coefficient"
 TOOL = ("tool.mass", "tool.damping")
 BEYOND_REST = "a step by Euler would go beyond rest; take more mass, less drag or a shorter sample_time"
 MOTION = ("from", "to", "speed", "cycles", "damping", "stiffness")  # Keys of the motion of a hand, in their order
@@ -291,12 +292,16 @@ def _rates(file: Stated) -> Found:
 
 
 def _low_passes(file: Stated) -> Found:
-    """Yield the order of a low-pass without its frequency, and the resolution of what is not differenced."""
+    """Yield the order of a low-pass without its frequency, a low-pass that is stated twice, and the resolution of a
+    position that is not read."""
     for part, each in ((part, each) for part, of in PARTS.items() for each in of.numbers if each.order_key):
-        if each.order_key in (stated := file.table(f"device.{part}")) and each.name not in stated:
+        stated = file.table(f"device.{part}")
+        if each.order_key in stated and each.name not in stated and COEFFICIENT not in stated:
             yield f"device.{part}.{each.order_key}", f"is of a low-pass; write {each.name} too, or leave it out"
-    velocity, usual = file.table("device.velocity"), "difference" if file.impedance else "measured"
-    if "resolution" in velocity and velocity.get("from", usual) == "measured":
+    velocity = file.table("device.velocity")
+    if "filter_hz" in velocity and COEFFICIENT in velocity:
+        yield f"device.velocity.{COEFFICIENT}", "states the low-pass of filter_hz again; leave one of them out"
+    if "resolution" in velocity and velocity.get("from", "measured") == "measured" and not file.impedance:
         yield "device.velocity.resolution", 'is of a position that is differenced; write from = "difference"'
 
 
@@ -360,10 +365,7 @@ def _display(file: Stated) -> Found:
         yield from _hands_of_servo(file)
     elif file.impedance:
         if file.value("device.velocity.from") == "measured":
-            message = (
-                '"measured" is not what an impedance display\'s coupling runs on; write "difference", or leave it out'
-            )
-            yield "device.velocity.from", message
+            yield from _measured(file)
         if file.value("device.hold") == "lag":
             yield "device.hold", '"lag" is not proved on an impedance display; write "zoh", or leave it out'
     else:
@@ -374,6 +376,23 @@ def _display(file: Stated) -> Found:
             if file(key) == 0:
                 message = "0 is too small on an admittance display, whose coupling it would open; write a positive one"
                 yield key, message
+
+
+def _measured(file: Stated) -> Found:
+    """Yield what is not proved of an impedance display with a measured velocity."""
+    key = "device.velocity.from"
+    if file.value("environment.stiffness") != inf:
+        yield (
+            key,
+            '"measured" is proved of a wall alone, since the coupling of a display that renders runs on the difference '
+            'of the position; write environment.stiffness = inf, or "difference"',
+        )
+    elif file.value("stability.criterion") != "hands":
+        yield (
+            key,
+            '"measured" is not proved in any passive hand, whose resonances above the sampling rate a measured '
+            'velocity folds down without limit; write stability.criterion = "hands", or "difference"',
+        )
 
 
 def _law(file: Stated) -> Found:

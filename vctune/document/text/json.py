@@ -138,10 +138,15 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["friction"]
     if not problem.stability.rest:
         del stated["stability"]["rest"]
-    (stated["device"]["force_sensor"] or {}).pop("resolution", None)  # no design depends on it
-    velocity = stated["device"]["velocity"] or {}
+    sensor, velocity = (stated["device"][part] or {} for part in ("force_sensor", "velocity"))
+    sensor.pop("resolution", None)  # no design depends on it
     if resolution := velocity.pop("resolution", None):
         stated["device"]["resolution"] = resolution
+    if velocity and velocity["source"] is None:
+        velocity["source"] = "measured"
+    for part, key in ((velocity, "filter_coefficient"), (velocity, "sections"), (sensor, "sections")):
+        if part and part[key] is None:
+            del part[key]
     return digest(stated)
 
 

@@ -114,8 +114,8 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         drive = _behind(drive, late, omega2)
     estimate, mass, spring = None, device.mass, None
     if device.velocity is not None:
-        estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)
-    sensor = sensor_response(device.sensing, device.sample_time, omega, ops)
+        estimate = velocity_estimate(device, omega, ops)
+    sensor = sensor_response(device, omega, ops)
     if device.structure is not None:
         parts = mechanism(device, device.structure, ops)
         loss = omega * parts.viscosity
@@ -151,7 +151,7 @@ def _servo_response(
     drive = _behind(drive, low_pass(servo.bandwidth(ops), servo.order, omega, ops), omega2)
     if device.interpolates:
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
-    sensor = sensor_response(device.sensing, device.sample_time, omega, ops)
+    sensor = sensor_response(device, omega, ops)
     return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor, follows=True)
 
 

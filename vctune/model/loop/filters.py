@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import times
-from vctune.model.parts import ForceSensor, VelocityEstimate
+from vctune.model.sections import Section, SectionRows, sections_of_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,63 +57,81 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
     return FilterResponse(cos * cos, half * half * (sinc * sinc), half * (cos * sinc))
 
 
-def low_pass_coefficients(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return the coefficients of the firmware's low-pass of the velocity, y += a (x - y) at each sample."""
-    x = 2 * ops.pi * filter_hz * sample_time  # 1 - e^-x = x phi_1(x)
-    return x * ops.phi_1(x), ops.exp(-x)
+def velocity_sections(device: Device, ops: Arithmetic) -> tuple[Section, ...]:
+    """Return the firmware's filter of the velocity, without the difference of the position."""
+    known = device.velocity
+    if known is None:
+        return ()
+    a = known.filter_coefficient
+    if known.filter_hz is not None:
+        x = 2 * ops.pi * known.filter_hz * device.sample_time
+        a = x * ops.phi_1(x)  # 1 - e^-x
+    low_passes = () if a is None else (Section(a),) * known.filter_order
+    return (*low_passes, *_in_arithmetic(known.sections, device))
 
 
-def velocity_estimate(
-    estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
-) -> FilterResponse | None:
-    """Return F, the response of the firmware's velocity estimate to the velocity of the motor, at z = e^(j omega T)."""
-    theta, T, response = omega * sample_time, sample_time, None
-    half_sinc = ops.sinc(theta / 2)
-    if estimate.source == "difference":
-        # sinc_curvature(x) = (1 - sinc x)/x^2
-        response = FilterResponse(ops.sinc(theta), T * T * ops.sinc_curvature(theta), T / 2 * (half_sinc * half_sinc))
-    stage = firmware_low_pass(estimate, T, omega, ops)
-    if stage is not None:
-        for _ in range(estimate.filter_order):
-            response = stage if response is None else response.times(stage, omega * omega)
-    return response
+def force_sections(device: Device) -> tuple[Section, ...]:
+    """Return the firmware's filter of the sensed force."""
+    sensor = device.sensing
+    low_pass = () if sensor.filter_coefficient is None else (Section(sensor.filter_coefficient),)
+    return (*low_pass, *_in_arithmetic(sensor.sections, device))
 
 
-def firmware_low_pass(
-    estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
-) -> FilterResponse | None:
-    """Return the response of one of the firmware's low-passes of the velocity, a/(1 - p/z), at z = e^(j omega T)."""
-    if estimate.filter_hz is None:
-        return None
-    return one_pole(*low_pass_coefficients(estimate.filter_hz, sample_time, ops), sample_time, omega, ops)
+def _in_arithmetic(rows: SectionRows | None, device: Device) -> tuple[Section, ...]:
+    """Return sections whose coefficients are numbers of the device's arithmetic, so that it encloses their sums."""
+    zero = 0 * device.sample_time
+    found = () if rows is None else sections_of_rows(rows)
+    return tuple(section.mapped(lambda number: zero + number) for section in found)
 
 
-def one_pole(a: Number, p: Number, sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return the response a/(1 - p/z), p = 1 - a, of the firmware's filter y += a (x - y), at z = e^(j omega T)."""
+def section_response(section: Section, sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return the response of a section at z = e^(j omega T)."""
     theta, T = omega * sample_time, sample_time
     half_sinc = ops.sinc(theta / 2)
-    chord2 = half_sinc * half_sinc * (theta * theta)  # |1 - e^(-j theta)|^2
-    reciprocal = 1 / (a * a + p * chord2)  # 1/|1 - p/z|^2
+    chord = half_sinc * half_sinc
+    square = chord * (theta * theta) / 4
+    reciprocal = 1 / section.below2(square)
     return FilterResponse(
-        a * (a + p * chord2 / 2) * reciprocal,
-        p * (1 + p) / 2 * (T * T) * (half_sinc * half_sinc) * reciprocal,
-        a * p * T * ops.sinc(theta) * reciprocal,
+        section.along(square) * reciprocal,
+        section.missed(square) * (T * T) * chord * reciprocal,
+        section.across(square) * T * ops.sinc(theta) * reciprocal,
     )
 
 
-def sensor_response(sensor: ForceSensor, sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+def in_series(responses: Sequence[FilterResponse], omega: Number) -> FilterResponse | None:
+    """Return the response of filters in series; None without one."""
+    return reduce(lambda one, two: one.times(two, omega * omega), responses) if responses else None
+
+
+def velocity_filter(device: Device, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+    """Return the response of the firmware's filter of the velocity, at z = e^(j omega T)."""
+    T = device.sample_time
+    return in_series([section_response(each, T, omega, ops) for each in velocity_sections(device, ops)], omega)
+
+
+def velocity_estimate(device: Device, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+    """Return F, the response of the firmware's velocity estimate to the velocity of the motor, at z = e^(j omega T)."""
+    T, passed = device.sample_time, velocity_filter(device, omega, ops)
+    parts = [] if passed is None else [passed]
+    if device.velocity is not None and device.differences:
+        theta = omega * T
+        half_sinc = ops.sinc(theta / 2)
+        # sinc_curvature(x) = (1 - sinc x)/x^2
+        curved, late = T * T * ops.sinc_curvature(theta), T / 2 * (half_sinc * half_sinc)
+        parts.insert(0, FilterResponse(ops.sinc(theta), curved, late))
+    return in_series(parts, omega)
+
+
+def sensor_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResponse | None:
     """Return F_s, the response of the sensed force to the hand's force, at s = j omega, with the filter of its
     samples."""
-    response = None
+    sensor, parts = device.sensing, []
     if sensor.bandwidth_hz is not None:
-        response = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
+        parts.append(low_pass(sensor.bandwidth_hz, sensor.order, omega, ops))
     if not ops.is_zero(sensor.delay):
-        delay = pure_delay(sensor.delay, omega, ops)
-        response = delay if response is None else response.times(delay, omega * omega)
-    if sensor.filter_coefficient is not None:
-        passed = one_pole(sensor.filter_coefficient, 1 - sensor.filter_coefficient, sample_time, omega, ops)
-        response = passed if response is None else response.times(passed, omega * omega)
-    return response
+        parts.append(pure_delay(sensor.delay, omega, ops))
+    parts += [section_response(each, device.sample_time, omega, ops) for each in force_sections(device)]
+    return in_series(parts, omega)
 
 
 def low_pass_rates(

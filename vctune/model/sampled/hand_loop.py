@@ -22,6 +22,7 @@ from vctune.model.sampled.impedance_display import (
 from vctune.model.sampled.loop_in_worlds import ZOffered, ZSeen, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
+from vctune.model.sections import Section
 
 
 class LoopInHand(NamedTuple):
@@ -77,9 +78,8 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
         return numerators(equations(plant.rates, plant.step, plant.push, older, at.cos, at.square))
 
     if plant.meets_position:
-        found = states(plant.older)
-        position = found[0] * at.late(plant.delays.loop, number)
-        return _force_in_hand(plant, found[len(plant.push)], position, at.cos, at.square)
+        found, late = states(plant.older), at.late(plant.delays.loop, number)
+        return _force_in_hand(plant, found[len(plant.push)], found[0] * late, found[1] * late, at)
     open_loop, velocity, position, felt = _answers(plant, at, number, states, d, plant.felt[0])
     unit = T / plant.mass
     integrated = felt.scaled(T * at.cos)  # K_p (T/2) (z + 1)/(z - 1) times 2 j s
@@ -180,38 +180,34 @@ def _answers(
             carried = carried + open_loop.scaled(share) * back
         felt = felt + carried * number(2 * at.square, 2 * at.cos)
     felt = felt * at.late(delays.felt, number)
-    if plant.share is not None:
-        felt = felt * number(*one_pole(plant.share, at.cos, at.square))
-    if plant.low_pass is not None:
-        a = plant.low_pass
-        passed, once = number(a * at.cos, a), number(a * at.cos, 2 - a)
-        for _ in range(plant.order):
-            velocity = velocity * passed
-            open_loop, position, felt = open_loop * once, position * once, felt * once
+    for section in plant.felt_filters:
+        felt = felt * number(*quotient(section, at.cos, at.square))
+    for section in plant.filters:
+        once = number(*section.below(at.cos, at.square))
+        velocity = velocity * number(*section.above(at.cos, at.square))
+        open_loop, position, felt = open_loop * once, position * once, felt * once
     return open_loop, velocity, position, felt
 
 
 def _force_in_hand(
-    plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, cos: Number, square: Number
+    plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, measured: EvenOdd, at: Circle
 ) -> ForceInHand:
-    """Return the loop of an impedance display from the determinant and the numerator of the position."""
+    """Return the loop of an impedance display from the determinant and the numerators of position and velocity."""
     # met = 2 j s F G_y/s^2 with G_y = 2 j s e^{-j theta/2} G_x/T, and (2 j s)^2/s^2 = -4
-    d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
-    velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
-    if plant.low_pass is not None:
+    cos, square, unit = at.cos, at.square, plant.sample_time / plant.mass
+    velocity = position * EvenOdd(2 * square, 2 * cos, square) if plant.difference else measured
+    met = position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
+    for section in plant.filters:
         # a quotient, unlike in `loop_in_hand`, so that `met` does not contain the filter, and enclosures for boxes of
         # hands stay tight
-        passed = EvenOdd(*one_pole(plant.low_pass, cos, square), square)
-        for _ in range(plant.order):
-            velocity = velocity * passed
+        velocity = velocity * EvenOdd(*quotient(section, cos, square), square)
     return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit), position.scaled(unit * plant.sample_time))
 
 
-def one_pole(a: Number, cos: Number, square: Number) -> tuple[Number, Number]:
-    """Return the even and the odd part of a/(1 - (1 - a)/z), the firmware's y += a (x - y)."""
-    rest = 2 - a
-    below = 1 / (a * a * (cos * cos) + rest * rest * square)
-    return (a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below)
+def quotient(section: Section, cos: Number, square: Number) -> tuple[Number, Number]:
+    """Return the even and the odd part of a section."""
+    below = 1 / section.below2(square)
+    return section.along(square) * below, -2 * section.across(square) * (cos * below)
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
-from vctune.model.loop.filters import firmware_low_pass
+from vctune.model.loop.filters import velocity_filter
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair
 
@@ -34,13 +34,10 @@ class ForceInHand(NamedTuple):
 
 
 def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | None:
-    """Return F, the product of the firmware's low-passes of the velocity, at z = e^{j theta}."""
-    estimate, omega = device.velocity, theta / device.sample_time
-    one = None if estimate is None else firmware_low_pass(estimate, device.sample_time, omega, ops)
-    if one is None or estimate is None:
-        return None
-    once = Pair(one.re, -(omega * one.lag))
-    return once if estimate.filter_order == 1 else once * once
+    """Return F, the firmware's filter of the velocity, at z = e^{j theta}."""
+    omega = theta / device.sample_time
+    passed = velocity_filter(device, omega, ops)
+    return None if passed is None else Pair(passed.re, -(omega * passed.lag))
 
 
 class YOffered(NamedTuple):

@@ -16,9 +16,10 @@ from vctune.model.loop.filters import (
     Rows,
     drive_rows,
     drive_states,
-    low_pass_coefficients,
+    force_sections,
     low_pass_rates,
     pushed,
+    velocity_sections,
 )
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
@@ -40,6 +41,7 @@ from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.circle import left_by_older, split_delay
 from vctune.model.sampled.rigid_sample import half_coth_of, powers_of, share_of_older
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
+from vctune.model.sections import Section
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
 
@@ -96,16 +98,20 @@ class PlantInHand:
     sample_time: Number  # T and m, the units of time and mass: s, and kg of the device without the hand
     mass: Number
     difference: bool = False  # whether the firmware differences positions to get the velocity
-    low_pass: Number | None = None  # a and r of the firmware's low-passes of the velocity
-    order: int = 0
-    share: Number | None = None  # a of the filter of the sensed force
+    filters: tuple[Section, ...] = ()  # the firmware's filters of the velocity and of the sensed force
+    felt_filters: tuple[Section, ...] = ()
     summed: bool = False  # whether x_e is x_e + T v_e, instead of the trapezoidal rule
     meets_position: bool = False  # whether the environment acts on the position, as on an impedance display
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of F, without those of delays and, on an impedance display, of low-passes."""
-        return len(self.push) + (0 if self.meets_position else self.order)
+        """Return the number of poles of F, without those of delays and, on an impedance display, of filters."""
+        return len(self.push) + (0 if self.meets_position else self.filter_poles)
+
+    @property
+    def filter_poles(self) -> int:
+        """The number of poles of the filter of the velocity."""
+        return sum(each.order for each in self.filters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +158,7 @@ def over_sample(
     sample: Sample | None = None,
 ) -> PlantInHand:
     """Sample the equations of a device exactly, in a hand or let go."""
-    T, estimate = device.sample_time, device.velocity
+    T = device.sample_time
     at = {name: index for index, name in enumerate(parts.names)}
     sample = sample or _sample(parts, ops, let_go=let_go)
 
@@ -171,9 +177,6 @@ def over_sample(
         )
         left = () if felt_before is None else (times(felt_before[row], parts.felt_inertia),)
         felt_inertia = moved, left
-    low_pass, order = None, 0
-    if estimate is not None and estimate.filter_hz is not None:
-        (low_pass, _), order = low_pass_coefficients(estimate.filter_hz, T, ops), estimate.filter_order
     return PlantInHand(
         rates=sample.rates,
         step=sample.step,
@@ -185,10 +188,9 @@ def over_sample(
         delays=delays,
         sample_time=T,
         mass=device.mass,
-        difference=estimate is not None and estimate.source == "difference",
-        low_pass=low_pass,
-        order=order,
-        share=device.sensing.filter_coefficient,
+        difference=device.differences,
+        filters=velocity_sections(device, ops),
+        felt_filters=force_sections(device),
         summed=device.summed,
         meets_position=not device.kind.senses_force,
     )

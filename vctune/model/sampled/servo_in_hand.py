@@ -54,10 +54,18 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> ServoSeen:
     # K T (1 - delta + delta w), w = 1 - 2 y - 2 j s c
     step = 1 - 2 * (plant.older * y), -2 * (plant.older * c)
     rest = _regular(plant, hand, spring, at)
-    if plant.share is not None:
-        back = 1 - plant.share
-        passed = _reciprocal(Pair(plant.share + 2 * back * y, 2 * back * (s * c)), at.ops)
-        rest = (rest.scaled(plant.share) + Pair(step[0], s * step[1]).scaled(-(back * spring))) * passed
+    held, w, d = Pair(step[0], s * step[1]).scaled(-spring), Pair(1 - 2 * y, -2 * (s * c)), Pair(2 * y, 2 * (s * c))
+    for section in plant.filters:  # N/D = 1 - (1 - w) (first + second w)/D
+        first, second, a_2 = 1 - section.now, add(section.earlier, times(section.again, -1)), section.again
+        # D, of d alone: 1 - w is small at rest, where D is
+        below = d.scaled(add(1 - section.rest, times(a_2, -1))).plus(section.rest)
+        passed, left = Pair(section.now, 0), Pair(first, 0)
+        if not section.low_pass:
+            passed = passed + w.scaled(section.before)
+        if not section.first_order:
+            below, left = below + (d * d).scaled(a_2), left + w.scaled(second)
+            passed = passed + (w * w).scaled(section.earlier)
+        rest = (rest * passed + held * left) * _reciprocal(below, at.ops)
     # 2 j s e^(-j theta/2) times a regular number
     turned = rest * Pair(c, -s)
     even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import exp
 
 from vctune.model.device import Device
-from vctune.model.loop.filters import low_pass_rates
+from vctune.model.loop.filters import force_sections, low_pass_rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     LEFT_OUT,
@@ -24,6 +24,7 @@ from vctune.model.numbers.matrices import (
 )
 from vctune.model.parts import Servo
 from vctune.model.sampled.circle import split_delay
+from vctune.model.sections import Section
 
 # Greatest product of |A| and half the width of an interval of times for which the code expands the exponential around
 # the middle of the interval
@@ -43,7 +44,7 @@ class ServoPlant:
     order: int  # order of the servo, the number of its states
     turns: float  # delay of Z_seen in samples: N + 1/2; N + 1 for a position command
     interpolated: bool  # whether the command is a trapezoidal sum, which adds the factor cos(theta/2) to all responses
-    share: Number | None  # a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
+    filters: tuple[Section, ...]  # the firmware's filter of the sensed samples
     sample_time: Number  # T, s
     pull: Pull | None = None  # the firmware's own spring; None without one
     radii: tuple[tuple[float, float], ...] = ()  # points (Hz, r) of a disc of responses, `Servo.radii`
@@ -90,7 +91,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         order=servo.order,
         turns=delay.whole + (1.0 if interpolated else 0.5),
         interpolated=interpolated,
-        share=device.sensing.filter_coefficient,
+        filters=force_sections(device),
         sample_time=T,
         pull=_pull(device, servo, delay, ops),
         radii=servo.radii,

@@ -48,7 +48,7 @@ class PlantLetGo:
     @property
     def states(self) -> int:
         """The number of states of device and low-passes, without the position."""
-        return len(self.plant.push) - 1 + self.plant.order
+        return len(self.plant.push) - 1 + self.plant.filter_poles
 
 
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
@@ -113,12 +113,10 @@ def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, positio
     open_loop, travel = solved[len(plant.push)], solved[0] * delayed * back
     motor = solved[1] if of.handle_share is None else solved[1] + solved[3].scaled(of.handle_share)
     velocity = travel if plant.difference else motor * delayed
-    if plant.low_pass is not None:
-        a = plant.low_pass  # a/(1 - (1 - a)/z), numerator and denominator times z^(1/2)
-        passed, once = pair(a * at.cos, a), pair(a * at.cos, 2 - a)
-        for _ in range(plant.order):
-            velocity = velocity * passed
-            open_loop, travel = open_loop * once, travel * once
+    for section in plant.filters:
+        once = pair(*section.below(at.cos, at.square))
+        velocity = velocity * pair(*section.above(at.cos, at.square))
+        open_loop, travel = open_loop * once, travel * once
     if not position:
         return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
     difference = pair(2 * at.square, 2 * at.cos)  # 1 - 1/z: the position is the travel in one sample over 1 - 1/z
