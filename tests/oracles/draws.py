@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from loop import NOTHING, Loop, radius
+from scipy import signal
 
 Tables = dict[str, Any]
 Rng = np.random.Generator
@@ -39,7 +40,27 @@ def late(rng: Rng, most: float) -> float:
     return float(rng.integers(0, int(most) + 1) + rng.choice([0.0, 0.0, rng.uniform(0.1, 0.9)]))
 
 
-def built(rng: Rng, *parts: str) -> Tables:
+def sections(rng: Rng) -> list[list[float]]:
+    """Return a notch, a low-pass of order 1 to 4, a moving average, y += a (x - y), or any pair of poles and zeros."""
+    corner, kind = 10 ** rng.uniform(-1.5, -0.4), int(rng.integers(5))
+    if kind == 0:
+        found = signal.tf2sos(*signal.iirnotch(2 * corner, 10 ** rng.uniform(-0.3, 0.7)))
+    elif kind == 1:
+        found = signal.butter(int(rng.integers(1, 5)), 2 * corner, output="sos")
+    elif kind == 2:
+        count = int(rng.integers(2, 6))
+        found = signal.tf2sos(np.full(count, 1 / count), np.eye(count)[0])
+    elif kind == 3:
+        a = rng.uniform(0.1, 1)
+        found = np.array([[a, 0, 0, 1, a - 1, 0]])
+    else:
+        poles, zeros = (r * np.exp(2j * np.pi * corner * f) for r, f in rng.uniform(0.3, 0.95, (2, 2)))
+        b, a = (np.poly([x, np.conj(x)]).real for x in (zeros, poles))
+        found = np.array([[*(b * sum(a) / sum(b)), *a]])
+    return [[float(x) for x in row] for row in found]
+
+
+def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
     """Return an admittance display with these parts alone."""
     T, mass = short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1)
     device: Tables = {"mass": mass, "sample_time": T, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1.5))}
@@ -56,6 +77,12 @@ def built(rng: Rng, *parts: str) -> Tables:
                 "filter_hz": decimal(decades(rng, -1.5, -0.5) / T),
                 "filter_order": int(rng.integers(1, 3)),
             }
+        elif part == "measured":
+            device["velocity"] = device.get("velocity", {}) | {"from": "measured"}
+        elif part == "sections":
+            device["velocity"] = device.get("velocity", {}) | {"sections": sections(rng)}
+        elif part == "felt sections":
+            sensor["sections"] = sections(rng)
         elif part == "actuator":
             device["actuator"] = {"bandwidth_hz": decimal(decades(rng, -1.2, 0) / T), "order": int(rng.integers(1, 3))}
         elif part == "structure":
@@ -98,6 +125,8 @@ def built_servo(rng: Rng, *parts: str, order: int = 1, most: int = 8) -> Tables:
     sensor: Tables = {}
     if "coefficient" in parts:
         sensor["filter_coefficient"] = decimal(rng.uniform(0.15, 0.9))
+    if "felt sections" in parts:
+        sensor["sections"] = sections(rng)
     if "late sensor" in parts:
         sensor["delay"] = decimal(T * rng.uniform(0.2, 3))
     if "low-pass" in parts:

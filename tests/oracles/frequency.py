@@ -33,6 +33,19 @@ class Demanded(NamedTuple):
         return 1 - self.G_he
 
 
+def firmware(table: Tables, sample_time: Any, z: Any, num: Arithmetic = DOUBLES) -> Any:
+    """Return the response of the firmware's filter in one of the device's tables: low-passes, then sections."""
+    found, w = num.number(1), 1 / z
+    a = num.number(table.get("filter_coefficient", 1))
+    if "filter_hz" in table:
+        a = 1 - num.exp(-2 * num.pi * num.number(table["filter_hz"]) * sample_time)
+    found = found * (a / (1 - (1 - a) * w)) ** table.get("filter_order", 1)
+    for row in table.get("sections", ()):
+        b_0, b_1, b_2, a_0, a_1, a_2 = (num.number(each) for each in row)
+        found = found * (b_0 + b_1 * w + b_2 * w**2) / (a_0 + a_1 * w + a_2 * w**2)
+    return found
+
+
 def low_pass(table: Tables, s: Any, num: Arithmetic) -> Any:
     """Return the response of a low-pass with a delay."""
     late = num.exp(-s * num.number(table.get("delay", 0.0)))
@@ -55,10 +68,7 @@ def estimate(device: Tables, s: Any, num: Arithmetic) -> Any:
     """Return the estimated over the true velocity of the motor."""
     table, T = device.get("velocity", {}), num.number(device["sample_time"])
     found = (1 - num.exp(-s * T)) / (s * T) if table.get("from") == "difference" else num.number(1)
-    if "filter_hz" in table:
-        pole = num.exp(-2 * num.pi * num.number(table["filter_hz"]) * T)
-        found = found * ((1 - pole) / (1 - pole * num.exp(-s * T))) ** table.get("filter_order", 1)
-    return found
+    return found * firmware(table, T, num.exp(s * T), num)
 
 
 def mechanism(device: Tables, s: Any, num: Arithmetic) -> tuple[Any, Any, Any, Any]:
@@ -89,7 +99,8 @@ def demanded(tables: Tables, gains: tuple[float, float], s: Any, num: Arithmetic
     P_hh, P_hu, P_mh, P_mu = (P * (1 + delta) for P in mechanism(device, s, num))
     D = 1 + P_mu * C_f
     G_hh, G_he = (P_hh + C_f * (P_hh * P_mu - P_hu * P_mh)) / D, P_hu * C_0 / D
-    F_s = low_pass(device.get("force_sensor", {}), s, num)
+    sensor, T = device.get("force_sensor", {}), num.number(device["sample_time"])
+    F_s = low_pass(sensor, s, num) * firmware(sensor, T, num.exp(s * T), num)
     Z_h = num.number(hand.get("mass", 0.0)) * s + num.number(hand.get("damping", 0.0))
     A_h = 1 + Z_h * G_hh
     q, resistance = F_s * G_he / A_h**2, (G_hh / A_h).real
@@ -130,8 +141,6 @@ def impedance_in_any_hand(device: Tables, K_v: float, theta: Any) -> Any:
     b, T = device["damping"], device["sample_time"]
     z = np.exp(1j * np.atleast_1d(theta))[:, None]
     whole, part = divmod(round(device.get("delay", 0.0) / T, 12), 1.0)
-    table = device.get("velocity", {})
-    a = 1 - np.exp(-2 * np.pi * table["filter_hz"] * T) if "filter_hz" in table else 1.0
-    smooth = (a / (1 - (1 - a) / z)) ** table.get("filter_order", 1)
+    smooth = firmware(device.get("velocity", {}), T, z)
     edge = (z ** -(1 + whole) * (1 - part + part / z) + np.exp(2j * np.pi * np.linspace(0, 1, 20001))) / (2 * b)
     return (-(edge / (1 + K_v * smooth * edge)).real).max(axis=1)

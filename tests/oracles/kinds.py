@@ -20,6 +20,7 @@ from draws import (
     Tables,
     admittance,
     angles,
+    built,
     coupling_for,
     decades,
     decimal,
@@ -141,10 +142,11 @@ class OnBand:
         return exactly_needed(self.tables(place), self.gains, coupling, omega, complex(self.delta(omega, place)))
 
 
-def passive(rng: Rng, kind: str = "held") -> Drawn:
+def passive(rng: Rng, kind: str = "held", *filters: str) -> Drawn:
     """Llewellyn's condition: often in the hand of a least operator, of a box of devices, or of a disc of responses."""
     while True:
-        device = admittance(rng) | ({"hold": str(rng.choice(["zoh", "zoh", "lag"]))} if kind == "held" else {})
+        device = built(rng, *filters) if filters else admittance(rng)
+        device |= {"hold": str(rng.choice(["zoh", "zoh", "lag"]))} if kind == "held" else {}
         gains, band, factor = gains_for(rng, device), band_of(rng, device), float(rng.choice([1.0, 1.05, 1.3]))
         coupling, (low, high) = coupling_for(rng, device, gains[0], 0.5 if kind == "held" else 1.0), POINT
         operator: Tables = {}
@@ -650,4 +652,5 @@ KINDS = {
     "display": display,
     "any hand": any_hand,
     "worlds": worlds,
+    "passive, sections": lambda rng: passive(rng, "held", "sections", "felt sections", "part of a sample"),
 }

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from arithmetic import DOUBLES, Arithmetic
+from frequency import firmware
 
 Triple = tuple[float, float, float]
 NOTHING: Triple = (0.0, 0.0, 0.0)
@@ -165,7 +166,7 @@ class Memory:
     """Named places in what the loop remembers from one sample to the next."""
 
     def __init__(self, loop: Loop) -> None:
-        filters = int(loop.device.get("velocity", {}).get("filter_order", 1))
+        filters, heard = (_remembered(loop, table) for table in ("velocity", "force_sensor"))
         sizes = {
             "body": len(loop.plant[1]),
             "commands": loop.late[0] + 1,  # u[k - N - 1] ... u[k - 1]
@@ -173,7 +174,7 @@ class Memory:
             "before": 1,  # the position of a sample ago
             "smoothed": filters,  # of the velocity
             "rendered": filters,  # of the coupling's velocity, on an impedance display
-            "firmware": 1,  # the filtered force
+            "firmware": heard,  # of the sensed force
             "spring": 1,  # of the coupling, on an impedance display
             "x_e": 1,
             "p_c": 1,  # of the coupling's mass
@@ -207,12 +208,17 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
     body, x = get["body"], get["body"][0]
     velocity = loop.device.get("velocity", {})
     y = (x - get["before"][0]) / T
-    estimated = y if loop.kind == "impedance" or velocity.get("from") == "difference" else body[1 % len(body)]
-    new["smoothed"] = _smoothed(loop, get["smoothed"], estimated)
+    source = velocity.get("from", "difference" if loop.kind == "impedance" else "measured")
+    estimated = y if source == "difference" else body[1 % len(body)]
+    smoothed, new["smoothed"] = _smoothed(loop, get["smoothed"], estimated)
     hard = 2 / T * m
     if loop.kind == "impedance":
         if given is not None:
             f_c, out = given, y
+        elif source == "measured":  # a wall, which nothing moves
+            b_c, k_c = (num.number(each) for each in loop.coupling)
+            v_e = out = 0 * x
+            f_c = b_c * smoothed + k_c * x
         else:  # f_c = at rest + slope (y - v_e), which the environment bears: f_c = Z_e v_e
             b_c, k_c = (num.number(x) for x in loop.coupling)
             rest, slope = _answer(loop, get["rendered"], b_c)
@@ -220,13 +226,11 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
             own = hard + d + k * T / 2
             v_e = (rest + slope * y - (k * get["x_e"][0] - hard * get["p_e"][0]) + extra) / (slope + own)
             f_c, out = rest + slope * (y - v_e), v_e
-            new["rendered"] = _smoothed(loop, get["rendered"], y - v_e)
+            _, new["rendered"] = _smoothed(loop, get["rendered"], y - v_e)
             new["spring"] = get["spring"] + k_c * T * (y - v_e)
-        command = -(f_c + K_v * new["smoothed"][-1])
+        command = -(f_c + K_v * smoothed)
     else:
-        a = loop.number("force_sensor", "filter_coefficient", 1.0)
-        force = (1 - a) * get["firmware"][0] + a * get["readings"][0]
-        new["firmware"] = num.array([force])
+        force, new["firmware"] = _smoothed(loop, get["firmware"], get["readings"][0], "force_sensor")
         if "servo" in loop.device:
             force = force - loop.number("servo", "stiffness") * x
         if given is not None:
@@ -252,7 +256,7 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
             command = (v_e + get["v_e"][0]) / 2 if between else v_e
         else:
             led = get["x_e"][0] + (T / 2 if loop.rule is None else T) * v_e
-            command = K_v * (v_e - new["smoothed"][-1]) + K_p * (led - x)
+            command = K_v * (v_e - smoothed) + K_p * (led - x)
         new["v_e"] = num.array([v_e])
     if loop.kind == "impedance" and given is not None:
         v_e = 0
@@ -286,23 +290,40 @@ def _through(body: np.ndarray, span: tuple[np.ndarray, np.ndarray], command: Any
     return span[0] @ body + np.multiply.outer(span[1], command)
 
 
-def _share(loop: Loop) -> Any:
+def _share(loop: Loop, table: str) -> Any:
     """Return a of the firmware's one-pole y += a (x - y), 1 without a filter."""
-    hertz = loop.device.get("velocity", {}).get("filter_hz")
-    return loop.num.number(1) if hertz is None else 1 - loop.num.exp(-2 * loop.num.pi * loop.num.number(hertz) * loop.T)
+    stated, num = loop.device.get(table, {}), loop.num
+    if "filter_hz" in stated:
+        return 1 - num.exp(-2 * num.pi * num.number(stated["filter_hz"]) * loop.T)
+    return num.number(stated.get("filter_coefficient", 1))
 
 
-def _smoothed(loop: Loop, states: np.ndarray, value: Any) -> np.ndarray:
-    a, found = _share(loop), []
-    for state in states:
+def _low_passes(loop: Loop, table: str) -> int:
+    return int(loop.device.get(table, {}).get("filter_order", 1))
+
+
+def _remembered(loop: Loop, table: str) -> int:
+    return _low_passes(loop, table) + 2 * len(loop.device.get(table, {}).get("sections", ()))
+
+
+def _smoothed(loop: Loop, states: np.ndarray, value: Any, table: str = "velocity") -> tuple[Any, np.ndarray]:
+    """Return a value behind the firmware's filter, and the states: low-passes, then sections in transposed form."""
+    a, found, low_passes = _share(loop, table), [], _low_passes(loop, table)
+    for state in states[:low_passes]:
         value = state + a * (value - state)
         found.append(value)
-    return loop.num.array(found)
+    for k, row in enumerate(loop.device.get(table, {}).get("sections", ())):
+        b_0, b_1, b_2, a_0, a_1, a_2 = (loop.num.number(each) for each in row)
+        first, second = states[low_passes + 2 * k], states[low_passes + 2 * k + 1]
+        passed = (b_0 * value + first) / a_0
+        found += [b_1 * value - a_1 * passed + second, b_2 * value - a_2 * passed]
+        value = passed
+    return value, loop.num.array(found)
 
 
 def _answer(loop: Loop, states: np.ndarray, gain: Any) -> tuple[Any, Any]:
     """Return what a gain behind the filters gives of the input 0, and by how much more of the input 1."""
-    zero, one = (_smoothed(loop, states, 0 * states[0] + loop.num.number(value))[-1] for value in (0, 1))
+    zero, one = (_smoothed(loop, states, 0 * states[0] + loop.num.number(value))[0] for value in (0, 1))
     return gain * zero, gain * (one - zero)
 
 
@@ -315,8 +336,10 @@ def matrix(loop: Loop, *, at_rest: bool = False) -> np.ndarray:
     whole, at = step(loop, one, 0 * one[0] if at_rest else None)[0], Memory(loop).at
     body, x_e, before = at["body"].start, at["x_e"].start, at["before"].start
     ruled, servo = loop.rule is not None and loop.rule[2] != 0, loop.kind == "servo"
+    measured = loop.device.get("velocity", {}).get("from") == "measured"
+    walled = measured and loop.kind == "impedance" and not at_rest
     held, tied, hung = (
-        loop.hand[2] != 0 or loop.device.get("servo", {}).get("stiffness", 0.0) != 0 or (ruled and servo),
+        loop.hand[2] != 0 or loop.device.get("servo", {}).get("stiffness", 0.0) != 0 or (ruled and servo) or walled,
         loop.kind == "admittance" and loop.gains[1] != 0,
         loop.world[2] != 0 or (ruled and not servo) or at_rest,
     )
@@ -369,8 +392,7 @@ def offered(loop: Loop, z: Any) -> Any:
     num, T = loop.num, loop.T
     if loop.kind == "impedance":
         b_c, k_c = (num.number(x) for x in loop.coupling)
-        a = _share(loop)
-        smooth = (a / (1 - (1 - a) / z)) ** int(loop.device.get("velocity", {}).get("filter_order", 1))
+        smooth = firmware(loop.device.get("velocity", {}), T, z, num)
         return (1 - 1 / z) / (b_c * smooth * (1 - 1 / z) + k_c * T)
     b_c, m_c, b_0 = loop.coupling
     s = 2 / T * (z - 1) / (z + 1)

@@ -46,6 +46,7 @@ from draws import (
     widths_of,
     with_numbers,
 )
+from frequency import firmware
 from loop import Loop, matrix, offered, radius, seen, sensitivity, turn
 
 GROWS, SIMPLE = 1 + 1e-8, 1 + 1e-11
@@ -250,6 +251,8 @@ class Drawn:
         return any(radius(loop) > GROWS for loop in self.loops(t, hand, numbers, world))
 
     def judged(self, loop: Loop, t: float, only: float | None = None) -> bool:
+        if self.rigid and loop.device.get("velocity", {}).get("from") == "measured":
+            return radius(loop) > GROWS
         if self.rigid:  # before a damper that nothing moves
             return radius(moved(loop, world=(0.0, 1e9 * (loop.coupling[0] + loop.coupling[1] * loop.T), 0.0))) > GROWS
         return grows_before_some(loop, self.r_at(t), only)
@@ -430,9 +433,7 @@ def any_hand(rng: Rng, *parts: str, rigid: bool = False) -> Sentence:
         centre, around = disc_of_hands(device, theta)
         free = Loop(device, (K_v, 0.0), coupling)
         z, edge = turn(free, theta), np.exp(2j * np.pi * np.linspace(0, 1, 721))
-        table = device.get("velocity", {})
-        a = 1 - np.exp(-2 * pi * table["filter_hz"] * device["sample_time"]) if "filter_hz" in table else 1.0
-        smooth = (a / (1 - (1 - a) / z)) ** table.get("filter_order", 1)
+        smooth = firmware(device.get("velocity", {}), device["sample_time"], z)
         disc = centre[:, None] + around[:, None] * edge
         if (abs(1 + K_v * smooth * centre) <= K_v * abs(smooth) * around).any():
             continue
@@ -625,4 +626,15 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "ROS 2": ros,
     "ROS 2, differenced velocity": lambda rng: ros(rng, "difference"),
     "ROS 2 on a servo": lambda rng: ros(rng, "servo"),
+    "velocity sections": lambda rng: own_loop(rng, "delay", "sections"),
+    "force sections": lambda rng: own_loop(rng, "part of a sample", "felt sections"),
+    "servo, sections": lambda rng: of_servo(rng, "felt sections"),
+    "display, sections": lambda rng: display(rng, "sections"),
+    "wall in hands, sections": lambda rng: display(rng, "sections", rigid=True),
+    "wall in any hand, sections": lambda rng: any_hand(rng, "sections", rigid=True),
+    "any hand, sections": lambda rng: any_hand(rng, "sections", "part of a sample"),
+    "measured wall": lambda rng: display(rng, "measured", rigid=True),
+    "measured wall, filtered": lambda rng: display(rng, "measured", "filter", "part of a sample", rigid=True),
+    "measured wall, sections": lambda rng: display(rng, "measured", "sections", "actuator", rigid=True),
+    "measured wall, structure": lambda rng: display(rng, "measured", "filter", "structure", rigid=True),
 }

@@ -108,7 +108,13 @@ class Device:
         if not self.kind.inverse or known is None:
             return False
         filtered = known.filter_hz is not None or known.filter_coefficient is not None
-        return known.sections is not None or (filtered and known.filter_order > 1)
+        return self.coupling_may_turn or (filtered and known.filter_order > 1)
+
+    @property
+    def coupling_may_turn(self) -> bool:
+        """Whether 1/Z_c may have a pole outside the unit circle, as with sections that turn by more than two low-passes
+        of the velocity."""
+        return self.kind.inverse and self.velocity is not None and self.velocity.sections is not None
 
     @property
     def bare(self) -> Device:

@@ -21,7 +21,7 @@ LOST = -1.0  # Least nearness to a proof: a margin that would not be positive ev
 # nearer in ratio. It is 1 at first, and falls with the fourth root of the interval
 FROM_ZERO = 0.1
 NEAR_ZERO = 1e-3  # Least divisor in the relative width of a row, as a share of the row's range
-FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where one of several margins has no bound
+FREQUENCY_FIRST = 64.0  # Weight of the frequency's relative width where a margin has no bound, as next to a notch
 WIDER = 0.1  # Exponent of a row's relative width in the weight of the row's cost
 BLUR = 2.0  # Greatest ratio of the uncertainty from the rows that must not be halved to that from the other rows
 FEW = 128  # Number of boxes up to which an array of boxes takes about as long as one box
@@ -65,8 +65,7 @@ def guide_of(number: Taylor, boxes: Boxes, least: LowerBound, *, alone: bool) ->
     known, relative = np.isfinite(least.bound), _relative(boxes)
     # a margin that is one of several may be negative: where its estimate is, other parts of the box are for the others
     cost = np.where(alone | (least.estimate > 0), lost, varies) * relative**WIDER
-    if not alone:
-        relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)
+    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)
     room = _room_left(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
     room[number.enclosed().negative()] = -np.inf
     return Guide(

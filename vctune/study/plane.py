@@ -82,9 +82,6 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     if problem.worlds is not None:
         message = "a region is proved with every passive environment; leave the table out of this problem"
         faults.append(("environment", message))
-    if problem.rigid and (problem.hands_met is not None or problem.device.structure is not None):
-        message = "a region of walls is proved of a rigid handle in any passive hand; write stability.criterion = "
-        faults.append(("environment.stiffness", f'{message}"passive", and leave out device.structure'))
     if x == y:
         faults.append((x, "is both axes of the plane; choose another for x or y"))
     faults += [

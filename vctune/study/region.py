@@ -132,7 +132,7 @@ def _proved_infeasible(problem: Problem, cells: Cells, places: FailingPlaces, *,
     infeasible = refuted(demands, cells, places)
     if free:
         return infeasible | no_damping(demands, cells, places)
-    if places.in_hands is not None and not infeasible.all():
+    if places.in_hands is not None and not problem.rigid and not infeasible.all():
         near = np.flatnonzero(~infeasible)
         some = cells.subset(near)
         infeasible[near] = refuted(demands, some, _refined_places(problem, some, places.subset(near)))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from functools import lru_cache
+from itertools import product
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -15,9 +17,11 @@ from vctune.analysis.in_hands import ratio_before_wall
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.analysis.requirement import requirements
 from vctune.analysis.sampled_loop import sensitivity_of
+from vctune.analysis.worst_hand import LoopsBeforeWall, first_hands
 from vctune.design.variables import coupling_from
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, SpringDamper
-from vctune.model.hands import PlacesInHands
+from vctune.model.hands import Hands, PlacesInHands
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
@@ -26,6 +30,7 @@ from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.intervals import TINY, Flags
 
 COUPLING_DAMPING = KEYS.index("coupling.damping")
+LOWEST = 1e-4  # Least angle of the grid for walls, rad
 POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids
 # Field of `FailingPlaces` for the places of each claim
 PLACES = {"passive": "omega", "hands": "in_hands", "any_hand": "theta"}
@@ -83,7 +88,17 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     meets = peak <= problem.stability.max_sensitivity
     scarcities = [peak / problem.stability.max_sensitivity]
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    if problem.rigid:
+    if problem.rigid and problem.hands_met is not None:
+        assert isinstance(coupling, SpringDamper)
+        limit, in_hands = _limits_before_wall(problem.device, problem.hands_met, coupling)
+        scarcities.append(problem.stability.safety_factor / limit)
+        meets &= scarcities[-1] <= 1
+        ends = ([cells.low[row], cells.high[row]] for row in (2, 3))
+        for b_c, k_c in product(*ends):
+            corner, _ = _limits_before_wall(problem.device, problem.hands_met, SpringDamper(b_c[:, None], k_c[:, None]))
+            meets &= corner >= problem.stability.safety_factor  # else a proof would try in vain
+        places["in_hands"] = in_hands
+    if problem.rigid and problem.any_hand:
         assert isinstance(coupling, SpringDamper)
         theta = loops_in_any_hand(problem.device, POINTS_PER_DECADE).theta
         hard = problem.stability.safety_factor / ratio_before_wall(problem.device, coupling, theta)
@@ -111,6 +126,23 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         gap = np.log(np.maximum(least, cells.low[COUPLING_DAMPING]) / np.minimum(most, cells.high[COUPLING_DAMPING]))
         missed = np.maximum(missed, np.where(np.isfinite(gap), gap, -inf))
     return _Hardest(least, most, meets, FailingPlaces(theta_S, **places), missed)
+
+
+def _limits_before_wall(device: Device, hands: Hands, walls: SpringDamper) -> tuple[Floats, PlacesInHands]:
+    """Return the least multiples of walls of shape (n, 1) that put a pole on the unit circle in a hand of a box, and
+    where, in places of shape (1, n)."""
+    loops, tried = _loops_before_wall(device, hands), first_hands(hands)
+    found = [loops.limits(SpringDamper(b, k)) for b, k in zip(walls.damping[:, 0], walls.stiffness[:, 0], strict=True)]
+    worst = [int(np.argmin(limits)) for limits, _ in found]
+    places = [(float(angles[at]), tried[at]) for at, (_, angles) in zip(worst, found, strict=True)]
+    return np.array([limits[at] for at, (limits, _) in zip(worst, found, strict=True)]), PlacesInHands.of(places)[None]
+
+
+@lru_cache(maxsize=4)
+def _loops_before_wall(device: Device, hands: Hands) -> LoopsBeforeWall:
+    """Return the loop of a device in some hands of a box."""
+    theta = np.append(frequency_grid(LOWEST, pi, POINTS_PER_DECADE), pi)
+    return LoopsBeforeWall.of(device, first_hands(hands), np.unique(theta))
 
 
 def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats]:

@@ -63,7 +63,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     operator = operator if criterion != "hands" and (document.environment is None or rigid) else None
     device = replace(device, operator=operator)
     loop_lags = lags(device, FLOATS)
-    lag = float(loop_lags.drive + loop_lags.estimate)
+    lag = float(loop_lags.drive) + max(0.0, float(loop_lags.estimate))  # a filter with lead has a negative lag
 
     objective = document.transparency
     f1, f2 = objective.band_hz or (share / lag for share in device.kind.band)

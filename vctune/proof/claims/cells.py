@@ -33,8 +33,8 @@ from vctune.proof.boxes import (
     over_cells,
     over_each,
 )
-from vctune.proof.claims.cases import Case, over, values_of
-from vctune.proof.claims.cells_in_hands import hold_in_hands
+from vctune.proof.claims.cases import COUPLING_SHARE, Case, over, values_of
+from vctune.proof.claims.cells_in_hands import hold_in_hands, walls_hold_in_hands, with_row
 from vctune.proof.claims.loop_claims import (
     CELL,
     Covered,
@@ -56,7 +56,7 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_margin,
     sensitivity_margin,
 )
-from vctune.proof.claims.poles import Turns, hand_turns, model_turns, sampled_turns
+from vctune.proof.claims.poles import Turns, coupling_turns, hand_turns, model_turns, sampled_turns
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
@@ -179,7 +179,8 @@ def _above_bound(case: Case, theta: Number) -> Number:
 
 # Identifiers of the claims that this module can prove for cells
 OF_CELLS: tuple[ClaimId, ...] = (
-    "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands", "wall_in_any_hand", "rests"
+    "passive", "sensitivity", "stable_model", "stable", "any_hand", "hands", "wall_in_any_hand", "wall_in_hands",
+    "rests",
 )  # fmt: skip
 GUARD = 1e-14  # Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53
 ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be this far apart to exclude each other
@@ -220,6 +221,8 @@ def _proved(demands: Demands, cells: Covered) -> Flags:
         steps.append(_hold_before_wall if demands.rigid else _hold_in_any_hand)
     if demands.hands is not None:
         steps.append(_hold_in_hands)
+    if demands.device.coupling_may_turn and not demands.rigid:
+        steps.append(lambda part: coupling_turns(part).number == 0)
     if demands.factor > 1 and demands.device.coupling_may_drive:
         less = replace(demands, factor=1.0)
         steps.append(lambda part: _proved(less, replace(part, demands=less)))
@@ -261,8 +264,10 @@ def _hold_before_wall(cells: Covered) -> Flags:
     device = cells.demands.device
     if (device.damping if device.structure is not None else device.least_damping) == 0:  # nothing bounds a response
         return np.zeros(cells.owners, bool)
-    test = positive(cells.margin(any_hand_before_wall), {})
-    return held(cells, cells.effort(), [(test, cells.around_circle())]).proved
+    test, around = positive(cells.margin(any_hand_before_wall), {}), cells.around_circle()
+    if device.structure is not None:  # else a weaker wall is stable if this one is: the margin is concave
+        around = with_row(around, COUPLING_SHARE, 0.0, 1.0)
+    return prove(test, around, cells.owners, cells.effort()).proved
 
 
 def _hold_in_hands(cells: Covered) -> Flags:
@@ -270,6 +275,9 @@ def _hold_in_hands(cells: Covered) -> Flags:
     demands, proved = cells.demands, np.zeros(cells.owners, bool)
     left = np.flatnonzero(hand_turns(cells.centres()).number == 0)
     part = cells.subset(left)
+    if demands.rigid:
+        proved[left] = walls_hold_in_hands(demands, Cells(part.low, part.high))
+        return proved
     same = _have_the_same_gains(cells)
     proved[left] = _above_envelope(part, demands.hands) if same else hold_in_hands(demands, Cells(part.low, part.high))
     return proved
@@ -317,14 +325,24 @@ def refuted(demands: Demands, cells: Cells, places: FailingPlaces) -> Flags:
             asked += [(conditions_margin, there.omega[0]), (resistance_margin, there.omega[0])]
         if there.theta is not None:
             asked.append((any_hand_before_wall if demands.rigid else any_hand_margin, there.theta[0]))
-        if there.in_hands is not None:
+        if there.in_hands is not None and not demands.rigid:
             asked.append((hand_margin, there.in_hands[0]))
         lost = np.any([negative_at(over(margin, demands), part, place) for margin, place in asked], axis=0)
         left = np.flatnonzero(~lost)
-        found = pole_turns(of_cells(demands, part.subset(left)), in_hand=True)
+        some = part.subset(left)
+        found = pole_turns(of_cells(demands, some), in_hand=not demands.rigid)
+        if demands.rigid and there.in_hands is not None:
+            found.append(hand_turns(in_own_hands(demands, some, there.in_hands[0][left].hands)))
         lost[left] = np.any([np.isfinite(each.number) & (each.number != 0) for each in found], axis=0)
         fails[at] |= lost
     return fails
+
+
+def in_own_hands(demands: Demands, cells: Cells, hands: Hand) -> Covered:
+    """Return cells each of which is in one hand of its own, whose numbers have the shape (n,)."""
+    own = np.array([*hands.by_key.values()], float)
+    low, high = np.vstack((cells.low, own)), np.vstack((cells.high, own))
+    return Covered(demands, (*cells.keys, *hands.by_key), low, high, {})
 
 
 def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:

@@ -6,17 +6,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from math import nextafter
 
 import numpy as np
 
 from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
-from vctune.proof.box_tests import Margin, beside_zero, either, narrowed, positive, sufficient
+from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, narrowed, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
-from vctune.proof.claims.cases import over
+from vctune.proof.claims.cases import COUPLING_SHARE, over
 from vctune.proof.claims.loop_claims import BAND_RATIO
-from vctune.proof.claims.margins_of_claims import RHO_SHARES, hand_margin, limp_hand_margin, margin_in_spring
+from vctune.proof.claims.margins_of_claims import (
+    RHO_SHARES,
+    hand_curve,
+    hand_margin,
+    limp_hand_margin,
+    margin_in_spring,
+)
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
 from vctune.proof.prover import Test, prove
@@ -40,6 +47,25 @@ def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
     for some in _few(np.flatnonzero(limp)):
         proved[some] = _proved_apart(demands, cells.subset(some))
     return proved
+
+
+def walls_hold_in_hands(demands: Demands, cells: Cells) -> Flags:
+    """Return the cells of whose walls none, times any number from 1 to the factor, has a pole on the unit circle in a
+    hand of the box."""
+    test, proved = misses_zero(over(hand_curve, demands), {}), np.zeros(len(cells), bool)
+    least = nextafter(1 / demands.factor, 0.0) if demands.factor > 1 else 1.0
+    for some in _few(np.arange(len(cells))):
+        assert demands.hands is not None
+        boxes = with_row(over_hands(cells.subset(some), demands.hands, _band()), COUPLING_SHARE, least, 1.0)
+        proved[some] = _prove(test, boxes, len(some))
+    return proved
+
+
+def with_row(boxes: Boxes, name: str, low: float, high: float) -> Boxes:
+    """Return boxes with a row added whose range is the same in all."""
+    one = np.ones((1, len(boxes)))
+    ends = np.vstack((boxes.low, low * one)), np.vstack((boxes.high, high * one))
+    return first_boxes((*boxes.names, name), *ends, boxes.owner, boxes.whole_samples)
 
 
 def _senses_force_in_a_loop(demands: Demands) -> bool:

@@ -35,7 +35,7 @@ from vctune.proof.claims.margins_of_claims import (
     margin_in_spring,
     margins_in_worlds,
 )
-from vctune.proof.claims.poles import free_at_rest, hand_turns
+from vctune.proof.claims.poles import coupling_turns, free_at_rest, hand_turns
 from vctune.proof.claims.walls import fails_with_a_wall, limp_walls_margin, walls_margins
 from vctune.proof.device_box import (
     MOST_AT_ONCE,
@@ -280,11 +280,19 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that is proved only if the claim also holds with the factor 1."""
-    if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
+    """Return an outcome that is proved only if the claim also holds with the factor 1, and 1/Z_c is stable."""
+    if found.verdict is Verdict.PROVED and demands.factor > 1 and design.device.coupling_may_drive:
+        again = proof(design, replace(demands, factor=1.0), box)
+        return replace(again, boxes=found.boxes + again.boxes)
+    if found.verdict is not Verdict.PROVED or not design.device.coupling_may_turn:
         return found
-    again = proof(design, replace(demands, factor=1.0), box)
-    return replace(again, boxes=found.boxes + again.boxes)
+    counted = coupling_turns(of_design(design, demands, box))
+    number, boxes = float(counted.number[0]), found.boxes + int(counted.boxes[0])
+    if number == 0:
+        return replace(found, boxes=boxes)
+    if number > 0:
+        return Outcome(Verdict.REFUTED, boxes)
+    return in_rad_per_s(Outcome(Verdict.UNDECIDED, boxes, float(counted.point[0, 0])), design.device)
 
 
 def _decided(

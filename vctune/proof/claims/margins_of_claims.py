@@ -23,7 +23,7 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import ForceInHand, Required
+from vctune.model.sampled.impedance_display import ForceInHand, Required, firmware_filter
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
     Strip,
@@ -222,6 +222,15 @@ def hand_curve(case: Case, theta: Number) -> Pair:
     else:
         F = loop.closed(case.design.gains)
     return Pair(F.even, case.ops.sin(theta / 2) * F.odd) * _turned(plant.poles, theta, case.ops)
+
+
+def coupling_curve(case: Case, theta: Number) -> Pair:
+    """Return (1 - 1/z) Z_c T of an impedance display, whose zeros outside the unit circle are poles of 1/Z_c."""
+    coupling, device, ops = case.design.coupling, case.design.device, case.ops
+    assert isinstance(coupling, SpringDamper)
+    passed, half = firmware_filter(device, theta, ops) or Pair(1, 0), ops.sin(theta / 2)
+    difference = Pair(2 * half * half, 2 * half * ops.cos(theta / 2))
+    return (passed * difference).scaled(coupling.damping).plus(coupling.stiffness * device.sample_time)
 
 
 def limp_hand_curve(case: Case, theta: Number) -> Pair:

@@ -11,6 +11,7 @@ import numpy as np
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.hands import HAND
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.pair import Pair
@@ -23,6 +24,7 @@ from vctune.proof.claims.loop_claims import Covered, Held, device_at, held, in_r
 from vctune.proof.claims.margins_of_claims import (
     across_position,
     along_drive,
+    coupling_curve,
     hand_curve,
     limp_hand_curve,
     limp_hand_real,
@@ -128,13 +130,21 @@ def free_at_rest(demands: Demands, *, integral: bool) -> bool:
 
 
 def hand_turns(covered: Covered) -> Turns:
-    """Count the unstable poles of the loop in the middle hand of the box, while the environment is at rest."""
+    """Count the unstable poles of the loop in the middle hand of the box, or in each owner's own, while the environment
+    is at rest."""
     hands = covered.demands.hands
     assert hands is not None
-    there = replace(covered, fixed={**covered.fixed, **hands.middle.mapped(decimal).by_key})
+    there = covered  # rows may state a hand for each owner
+    if HAND[0] not in covered.names:
+        there = replace(covered, fixed={**covered.fixed, **hands.middle.mapped(decimal).by_key})
     if hands.middle.stiffness > 0 or not free_at_rest(covered.demands, integral=covered.integral):
         return turns(there, hand_curve, Covered.around_circle, pi)
     return turns(there, limp_hand_curve, Covered.around_circle, pi, limit=limp_hand_real)
+
+
+def coupling_turns(covered: Covered) -> Turns:
+    """Count the poles of 1/Z_c outside the unit circle, on an impedance display."""
+    return turns(covered, coupling_curve, Covered.around_circle, pi)
 
 
 def _curve_end(loop: Covered) -> float:
