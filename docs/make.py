@@ -9,7 +9,7 @@ import sys
 import tempfile
 from itertools import groupby
 from pathlib import Path
-from posixpath import relpath
+from posixpath import dirname, relpath
 
 import vctune
 from vctune.api.explaining import entries
@@ -17,8 +17,9 @@ from vctune.api.explaining import entries
 ROOT = Path(__file__).parent.parent
 TREES = ("vctune", "problems", "results", "tests", "docs", ".github")
 CHAPTERS = {
-    "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-robot-shakes vctune/document vctune/cli",
-    "Look up": "explain/code explain/key explain/term explain/claim vctune problems results reference",
+    "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-robot-shakes vctune/document "
+    "vctune/document/off-the-menu vctune/cli",
+    "Look up": "explain/code explain/key explain/term explain/device explain/claim vctune problems results reference",
     "More tools": "vctune/firmware vctune/identification vctune/study vctune/simulation vctune/report vctune/api",
     "How it works": "vctune/model vctune/design vctune/design/bound vctune/proof vctune/analysis vctune/bench",
     "The project": "CHANGELOG github/CONTRIBUTING github/SECURITY tests",
@@ -36,8 +37,8 @@ def staged(folder: Path) -> None:
     for kind, group in groupby(sorted(entries(), key=lambda entry: entry.kind), key=lambda entry: entry.kind):
         parts = [f"# `vctune explain`: each {kind}"]
         for entry in group:
-            guide = relpath(f"/{entry.guide.removesuffix('/README.md')}", "/explain")
-            text = re.sub(r"\]\(#", f"]({guide}/README.md#", LINK.sub(rf"]({guide}/\1", entry.text))
+            guide, page = (relpath(f"/{place}", "/explain") for place in (dirname(entry.guide), entry.guide))
+            text = re.sub(r"\]\(#", f"]({page}#", LINK.sub(rf"]({guide}/\1", entry.text))
             parts.append("## " + re.sub(r"[`$]", "", entry.names[0]) + f"\n\n{text}")
         (folder / f"explain/{kind}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     names = [

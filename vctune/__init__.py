@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vctune.api.explaining import explain as explain
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
+    from vctune.api.feeling import felt_impedance as felt_impedance
     from vctune.api.identifying import identify as identify
     from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
@@ -92,6 +93,7 @@ _HOME = {
     "draw_required": "report.panels",
     "explain": "api.explaining",
     "export": "api.exporting",
+    "felt_impedance": "api.feeling",
     "identify": "api.identifying",
     "judge": "design.judging.judge",
     "problem": "document.building",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 import numpy as np
 import pytest
 from arithmetic import DOUBLES
 from device_pairs import tables_of
 from frequency import demanded
+from pushed_handle import Stepped
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss
 from vctune.model.device import Device
@@ -61,15 +62,13 @@ def test_tracking_ends_where_an_independent_model_says(device):
 
 @pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
 @pytest.mark.parametrize("gains", [Gains(60.0, 3000.0), Gains(60.0, 0.0)], ids=["PI", "P"])
-def test_numbers_are_those_of_an_independent_model(device, gains):
-    felt = feel(device, gains, COUPLING)
+def test_numbers_are_those_of_a_stepped_loop(device, gains):
+    felt, law = feel(device, gains, COUPLING), (tables_of(device)["device"], astuple(gains), astuple(COUPLING))
     for k, hz in enumerate(FREE_HZ):
-        s = 2j * pi * hz
-        at = demanded(tables_of(device), astuple(gains), s, DOUBLES)
-        Z_c = 0.5 + 40.0 * 0.08 * s / (40.0 + 0.08 * s)
-        Z = 1 / (at.G_hh + at.q / Z_c)
-        assert (felt.damping[k], felt.mass[k]) == pytest.approx((Z.real, Z.imag / s.imag), rel=1e-9)
-    assert felt.stiffness == pytest.approx(abs(s / at.G_hh), rel=1e-9)
+        Z = Stepped(*law, (0.0, 0.0, 0.0), 2 * pi * hz).felt()
+        assert (felt.damping[k], felt.mass[k]) == pytest.approx((Z.real, Z.imag / (2 * pi * hz)), rel=1e-7)
+    wall = Stepped(*law, (0.0, 0.0, inf), 2 * pi * WALL_HZ).felt()
+    assert felt.stiffness == pytest.approx(2 * pi * WALL_HZ * abs(wall), rel=1e-7)
 
 
 def test_nothing_is_said_beyond_the_nyquist_frequency():

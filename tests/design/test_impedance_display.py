@@ -12,6 +12,7 @@ from conftest import mostly_slow
 from device_pairs import tables_of
 from loop import Loop, Triple, matrix, radius
 from loop import seen as answer
+from pushed_handle import Stepped
 from scipy.optimize import minimize_scalar
 
 import vctune
@@ -375,10 +376,9 @@ def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
     felt = feel(device, Gains(0.0, 0.0), coupling)
     assert felt.mass == pytest.approx((0.1, 0.1), rel=1e-9)
     assert felt.damping == pytest.approx((B, B), rel=1e-9)
-    w = np.array([2 * pi * 10.0])
-    late = np.sinc(w * T / (2 * np.pi)) * np.exp(-0.5j * w * T)  # of the hold
-    wall = 1j * w * 0.1 + B + late * 1000.0 / (1j * w)  # T/(1 - 1/z) of a difference is exactly 1/(j w)
-    assert felt.stiffness == pytest.approx(float(np.abs(w * wall)[0]), rel=1e-9)
+    table = {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T}
+    wall = Stepped(table, (0.0, 0.0), (0.0, 1000.0), (0.0, 0.0, inf), 2 * pi * 10.0).felt()
+    assert felt.stiffness == pytest.approx(2 * pi * 10.0 * abs(wall), rel=1e-7)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from arithmetic import DOUBLES
 from conftest import DEVICE, FIXED, for_passive_hands, mostly_slow
-from frequency import demanded, low_pass, mechanism, offered
+from frequency import demanded, mechanism, offered
 from loop import Loop, seen, sensitivity
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -317,16 +317,15 @@ def test_the_drawn_error_and_its_terms_are_those_of_the_formulas(kind: str) -> N
 
 @pytest.mark.parametrize("kind", ["any passive hand", "every part"])
 def test_what_the_hand_feels_is_drawn_with_its_environments(kind: str) -> None:
-    """1/(G_hh + G_he F_s/(Z_c + Z_e)), beside |Z_e| and the device alone."""
+    """What `felt_impedance` returns, beside |Z_e| and the device alone."""
     tables, problem, gains, coupling = stated(VALUED[kind])
     axes = draw_impedance(panel(), problem, gains, coupling)
     hz, _ = line(axes, "free")
-    s, own = 2j * np.pi * hz, {"device": tables["device"]}
-    at, Z_c = demanded(own, astuple(gains), s, DOUBLES), offered(astuple(coupling), s, DOUBLES)
-    F_s = low_pass(tables["device"].get("force_sensor", {}), s, DOUBLES)
-    for label, Z_e in (("free", 0 * s), ("14 N s/m", 14.0 + 0 * s), ("200 N/m", 200.0 / s)):
-        assert line(axes, label)[1] == pytest.approx(np.abs(1 / (at.G_hh + at.G_he * F_s / (Z_c + Z_e))), rel=1e-6)
-    assert line(axes, "rigid")[1] == pytest.approx(np.abs(1 / at.G_hh), rel=1e-6)
+    s, solved = 2j * np.pi * hz, vctune.Solved(problem=problem, judgement=vctune.judge(problem, gains, coupling))
+    met = {"free": {}, "14 N s/m": {"damping": 14.0}, "200 N/m": {"stiffness": 200.0}, "rigid": {"stiffness": np.inf}}
+    for label, environment in met.items():
+        felt = np.abs(vctune.felt_impedance(solved, hz, **environment))
+        assert line(axes, label)[1] == pytest.approx(felt, rel=1e-12)
     assert line(axes, "ideal")[1] == pytest.approx(14.0)
     (spring,) = (each for each in axes.lines if each.get_label() == "_" or str(each.get_label()).startswith("_child"))
     assert np.asarray(spring.get_ydata()) == pytest.approx(200.0 / (2 * np.pi * hz))

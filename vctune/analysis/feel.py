@@ -1,21 +1,22 @@
-"""Compute how a device feels in the hand, from the frequency model in double precision (README.md, section 1)."""
+"""Compute how a device feels in the hand, in double precision (README.md, section 1)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats, frequency_grid, with_resonance
+from vctune.analysis.felt_impedance import impedance_felt
 from vctune.analysis.sampled_loop import Complex
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper, coupling_impedance
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
-from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.worlds import World
 
 # Frequencies, Hz, at which the code evaluates mass and damping of free motion: the frequency of a slow reach, and the
 # frequency of the fastest voluntary motion of an arm
@@ -47,7 +48,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     wall = None
     if nyquist >= WALL_HZ:
         omega = 2 * pi * WALL_HZ
-        wall = omega * abs(complex(felt_impedance(device, gains, coupling, np.array([omega]), None)[0]))
+        wall = omega * abs(complex(impedance_felt(device, gains, coupling, np.array([omega]), None)[0]))
     return Feel(
         mass=tuple(None if Z is None else Z.imag / (2 * pi * hz) for Z, hz in zip(free, FREE_HZ, strict=True)),
         damping=tuple(None if Z is None else Z.real for Z in free),
@@ -56,58 +57,10 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     )
 
 
-def felt_impedance(
-    device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, environment: Complex | None
-) -> Complex:
-    """Return the impedance that the hand feels with a design, N s/m."""
-    if isinstance(coupling, SpringDamper):
-        return _felt_force(device, gains, coupling, omega, environment)
-    beyond = None
-    if environment is not None and (gains.closed or device.servo is not None):
-        beyond = _complex(coupling_impedance(coupling, omega)) + environment
-        if device.servo is not None and device.servo.stiffness is not None:  # pulls on the measured position
-            drive = device_response(device, omega, FLOATS).drive
-            beyond = beyond + device.servo.stiffness * (drive.re / (1j * omega) - drive.lag)
-    return impedance_at_handle(device, gains, omega, beyond)
-
-
-def _felt_force(
-    device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
-) -> Complex:
-    """Return D/N of an impedance display."""
-    at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
-    late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
-    tool, low_pass, met = 0j * omega, firmware_filter(device, theta, FLOATS), environment is None or environment.any()
-    if met and not device.differences:  # a wall: its damper acts on the velocity, its spring on the position
-        tool = coupling.damping * (1.0 if low_pass is None else _complex(low_pass)) + coupling.stiffness / s
-    elif met:
-        given = _complex(spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS))
-        given = given if environment is None else given + 1 / environment
-        tool = np.asarray(np.sinc(theta / (2 * np.pi)) * np.exp(-0.5j * theta) / given)
-    estimate = 1.0 if at.estimate is None else at.estimate.re - s * at.estimate.lag
-    W = at.mass * s + at.damping + late * (gains.velocity * estimate + tool)
-    if at.spring is None:
-        return np.asarray(W)
-    handle = s * at.spring.mass + (0.0 if at.spring.damping is None else at.spring.damping)
-    return np.asarray(W / (1 + (omega * omega * at.spring.y_c + s * at.spring.y_k) * W) + handle)
-
-
-def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Complex | None) -> Complex:
-    """Return the felt impedance D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m."""
-    if beyond is None and device.servo is not None:
-        return np.full(np.shape(omega), complex(inf))
-    loop = response(device, gains, omega)
-    scale, D = np.sqrt(loop.scale2), _complex(loop.D_scaled)
-    N = 1.0 if loop.numerator is None else _complex(loop.numerator)
-    if beyond is None:
-        return np.asarray(D / (scale * N))
-    return np.asarray(D * beyond / (scale * N * beyond + _complex(loop.C_scaled)))
-
-
 def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> complex:
     """Return the impedance of free motion."""
     omega = np.array([2 * pi * hz])
-    return complex(felt_impedance(device, gains, coupling, omega, 0j * omega)[0])
+    return complex(impedance_felt(device, gains, coupling, omega, World(0.0, 0.0, 0.0))[0])
 
 
 def _tracking_bandwidth(device: Device, gains: Gains) -> float:

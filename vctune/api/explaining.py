@@ -26,6 +26,7 @@ from vctune.proof.claims.registry import CLAIMS
 
 # Guides with the table of codes, the glossary, the claims, and the columns of a sweep
 CODES, TERMS, PROOFS, COLUMNS = (f"vctune/{place}README.md" for place in ("cli/", "", "proof/", "study/"))
+DEVICES = "vctune/document/off-the-menu.md"  # Guide to devices that have no key of their own
 FILES = {"problem": "vctune/document/README.md", "log": "vctune/identification/README.md"}  # guide of each kind of file
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)  # A table in Markdown: heads and rows
 CELLS = re.compile(r"(?<!\\)\|")  # The border between two cells: "|", but not "\|"
@@ -38,7 +39,7 @@ PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
 class Entry:
     """The text on one name, in Markdown."""
 
-    kind: str  # "code", "key", "term" or "claim"
+    kind: str  # "code", "key", "term", "device" or "claim"
     names: tuple[str, ...]
     text: str
     guide: str  # path of the guide about it
@@ -66,19 +67,19 @@ class Explanation:
 
 
 def explain(name: str) -> Explanation:
-    """Return the text on a code, a key of a file, a word of the glossary or a claim.
+    """Return the text on a code, a key of a file, a word of the glossary, a kind of device or a claim.
 
     Parameters
     ----------
     name : str
         A code, as in the brackets after a message; a key, complete or only its last part; a word or symbol of
-        the glossary; or a claim's identifier or label.
+        the glossary; a word for a device that has no key; or a claim's identifier or label.
 
     Returns
     -------
     Explanation
-        `entries`; each has its `kind` ("code", "key", "term" or "claim"), its `name`, its `text` in Markdown, and its
-        `guide`.
+        `entries`; each has its `kind` ("code", "key", "term", "device" or "claim"), its `name`, its `text` in Markdown,
+        and its `guide`.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def explain(name: str) -> Explanation:
     forms = {_plain(form).lower(): form for each in entries() for form in (*each.names, each.name.rpartition(".")[2])}
     near = [forms[form] for form in get_close_matches(asked.lower(), forms, n=3, cutoff=0.6)]
     hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain` lists what there is"
-    raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
+    raise InputError.of(name, "unknown-name", f"is no code, key, claim, device or word of the glossary; {hint}")
 
 
 def _by_name(fold: Any) -> dict[str, list[Entry]]:
@@ -124,6 +125,10 @@ def entries() -> tuple[Entry, ...]:
             for key, said in columns.items()
         ),
         *map(_term, _rows(TERMS, "## Glossary\n")),
+        *(
+            Entry("device", tuple(row["word"].split(", ")), row["what to write"], DEVICES)
+            for row in _rows(DEVICES, "## What to write\n")
+        ),
         *map(_claim, CLAIMS.values()),
     )
 

@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
-from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, felt_impedance
+from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ
+from vctune.analysis.felt_impedance import impedance_felt
 from vctune.design.judging.judge import Judgement, Status, certified
 from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
 from vctune.model.design import Design
@@ -140,9 +141,8 @@ def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:
 
 def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, world: World | None = None) -> complex:
     """Return the impedance that the hand feels in front of a virtual environment, N s/m."""
-    at, met = np.array([omega]), world or World(0.0, 0.0, 0.0)
-    environment = met.damping + 1j * at * met.mass + met.stiffness / (1j * at)
-    return complex(felt_impedance(problem.device.bare, gains, coupling, at, environment)[0])
+    met = world or World(0.0, 0.0, 0.0)
+    return complex(impedance_felt(problem.device, gains, coupling, np.array([omega]), met)[0])
 
 
 def _stiffness_of_a_count(gains: Gains, coupling: AnyCoupling, sample_time: float) -> float:

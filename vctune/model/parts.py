@@ -28,8 +28,10 @@ Sections = Annotated[
     Field(min_length=1, max_length=MOST_SECTIONS),
     AfterValidator(_checked),
 ]
-SECTIONS = "The firmware's filter, in second-order sections [b0, b1, b2, a0, a1, a2] as SciPy writes them,"
-DEFAULT = f"After any low-pass; stable, gain 1 at rest, at most {MOST_SECTIONS}. Default: none."
+SECTIONS = (
+    "Second-order sections [b0, b1, b2, a0, a1, a2], as SciPy writes them, with which the firmware filters the {}, "
+    f"after its low-pass if there is one: stable, with the gain 1 at rest, at most {MOST_SECTIONS}. Default: none."
+)
 
 
 @record
@@ -76,7 +78,7 @@ class VelocityEstimate:
             certain=True,
         ),
     ] = None
-    sections: Annotated[Sections | None, Key(f"{SECTIONS} of the velocity. {DEFAULT}")] = None
+    sections: Annotated[Sections | None, Key(SECTIONS.format("velocity"))] = None
 
 
 @record
@@ -132,7 +134,7 @@ class ForceSensor:
             "stated."
         ),
     ] = None
-    sections: Annotated[Sections | None, Key(f"{SECTIONS} of the sensed samples. {DEFAULT}")] = None
+    sections: Annotated[Sections | None, Key(SECTIONS.format("sensed force"))] = None
 
 
 @record

@@ -10,15 +10,15 @@ import numpy as np
 
 from vctune.analysis.demands import error_terms, ratio_minima, response, weighted_square
 from vctune.analysis.extrema import Floats, round_at_resonance
-from vctune.analysis.feel import felt_impedance
+from vctune.analysis.felt_impedance import impedance_felt
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.requirement import Requirement, in_any_hand, in_hands, on_band
-from vctune.analysis.sampled_loop import Complex
 from vctune.design.prepared import pose
 from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.hands import Hands
 from vctune.model.numbers.units import hertz
 from vctune.model.problem import Band, Problem
+from vctune.model.worlds import World
 from vctune.proof.claims.registry import ClaimId
 
 POINTS = 400  # Number of frequencies of a curve without a resonance
@@ -141,22 +141,26 @@ def handle_impedance(
     if device.units == "rotary":
         damper = wanted.reference_impedance
         spring = damper * sqrt(wanted.band.min * wanted.band.max)
-    environments: dict[str, Complex | None] = {
-        "free": 0 * s,
-        f"{damper:.3g} {units.damping}": damper + 0 * s,
-        f"{spring:.3g} {units.stiffness}": spring / s,
+    environments = {
+        "free": World(0.0, 0.0, 0.0),
+        f"{damper:.3g} {units.damping}": World(0.0, damper, 0.0),
+        f"{spring:.3g} {units.stiffness}": World(0.0, 0.0, spring),
         "rigid": None,
     }
     if problem.worlds is not None and problem.worlds.nothing:  # it renders no environment
-        environments = {"free": 0 * s}
+        environments = {"free": World(0.0, 0.0, 0.0)}
+    if problem.rigid:
+        environments = {"free": World(0.0, 0.0, 0.0), "rigid": None}
     moves = np.ones(hz.size, bool)
     if device.servo is not None:  # with a rigid environment a servo is at rest
         environments.pop("rigid", None)
         C = response(device, gains, omega).C_scaled
         moves = np.hypot(C.re, C.im) > UNMOVED
     felt = {}
-    for name, Z_e in environments.items():
-        impedance = np.abs(felt_impedance(device, gains, coupling, omega, Z_e))
-        ideal = np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e)
+    for name, world in environments.items():
+        impedance = np.abs(impedance_felt(device, gains, coupling, omega, world))
+        ideal = np.full(hz.size, np.inf)
+        if world is not None:
+            ideal = np.abs(world.damping + world.stiffness / s)
         felt[name] = np.where(moves, impedance, np.nan), ideal
     return hz, felt

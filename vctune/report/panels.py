@@ -7,7 +7,8 @@ from math import cos, degrees, inf, log10, pi, sin
 import numpy as np
 from matplotlib.axes import Axes
 
-from vctune.analysis.feel import NO_LOOP, impedance_at_handle, sensor_miss
+from vctune.analysis.feel import NO_LOOP, sensor_miss
+from vctune.analysis.felt_impedance import impedance_felt
 from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
 from vctune.model.gains import AnyCoupling, Gains
@@ -207,7 +208,7 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
             label = "_" if number > 1 else "ideal"
             axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=label)
     if problem.device.servo is None:
-        bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
+        bare = np.abs(impedance_felt(problem.device, *NO_LOOP, 2 * pi * hz, None))
         axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
     axes.set_ylabel(f"impedance at the handle, {problem.units.damping}")

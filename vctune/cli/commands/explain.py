@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from vctune.api.explaining import Entry
 
 WIDEST = 100  # Greatest width of the text, characters
-TITLES = {"code": "Codes", "key": "Keys of files", "term": "Terms", "claim": "Claims"}
+TITLES = {
+    "code": "Codes",
+    "key": "Keys of files",
+    "term": "Terms",
+    "device": "Devices without a key",
+    "claim": "Claims",
+}
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
