@@ -35,6 +35,11 @@ CASES = {
         (0.0, 0.0), (2.0, 300.0), (0.0, 0.0, inf),
     ),
     "servo": (SERVO | {"force_sensor": {"sections": NOTCH}}, (0.0, 0.0), (inf, 4.0, 60.0), (1.0, 2.0, 300.0)),
+    "servo, euler": (SERVO, (0.0, 0.0), (2.0, 60.0), (0.0, 0.0, 0.0)),
+    "servo, euler, position": (
+        SERVO | {"servo": {"delay": 4e-3, "bandwidth_hz": 12.0, "command": "position"}},
+        (0.0, 0.0), (2.0, 60.0), (0.0, 0.0, 0.0),
+    ),
     "servo, position and spring": (
         SERVO | {"servo": {"delay": 5.3e-3, "bandwidth_hz": 12.0, "command": "position", "stiffness": 150.0}},
         (0.0, 0.0), (80.0, 4.0, 60.0), (0.0, 2.0, 0.0),
@@ -45,7 +50,9 @@ CASES = {
 def judged(device: dict[str, Any], gains: tuple[float, float], coupling: tuple[float, ...], world: Any) -> Any:
     """Return a problem with a given design, as `solve` would."""
     dual = device.get("display") == "impedance"
-    law = dict(zip(("damping", "stiffness") if dual else ("damping", "mass", "drag"), coupling, strict=True))
+    euler = len(coupling) == 2 and not dual
+    names = ("damping", "stiffness") if dual else ("mass", "drag") if euler else ("damping", "mass", "drag")
+    law: dict[str, Any] = dict(zip(names, coupling, strict=True)) | ({"rule": "euler"} if euler else {})
     hand = {name: {"min": 0.0, "max": 1.0} for name in ("mass", "damping", "stiffness")}
     tables: dict[str, Any] = {"device": device, "coupling": law, "operator": hand, "stability": {"criterion": "hands"}}
     if "servo" not in device:
@@ -53,7 +60,7 @@ def judged(device: dict[str, Any], gains: tuple[float, float], coupling: tuple[f
         tables["gains"] = {"velocity": gains[0]} if dual else {"velocity": gains[0], "position": gains[1]}
         tables |= {"environment": {"stiffness": inf}} if rigid else {}
     problem = vctune.problem(tables).problem
-    made = SpringDamper(*coupling) if dual else Coupling(*coupling)
+    made = SpringDamper(*coupling) if dual else Coupling(*(inf, *coupling)[-3:])
     return vctune.Solved(problem=problem, judgement=vctune.judge(problem, Gains(*gains), made))
 
 

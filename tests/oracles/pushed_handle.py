@@ -150,6 +150,11 @@ class Stepped:
         heard, after[10:20] = self.filtered("force_sensor", force, memory[10:20])
         if "servo" in self.device:
             heard = heard - self.device["servo"].get("stiffness", 0.0) * x
+        if len(self.coupling) == 2:  # M a + D v = F, with nothing behind
+            M_0, D_0 = self.coupling
+            after[32] = v_e + T * (heard - D_0 * v_e) / M_0
+            after[31] = x_e + T * after[32]
+            return after[31 if self.device["servo"].get("command") == "position" else 32], after
         b_c, m_c, b_0 = self.coupling
         new = 0.0
         if inf != K:  # force = f_c + b_0 v + f_m + B v + K x_e, f_c of m_c and b_c in series by the trapezoidal rule
