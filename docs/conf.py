@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from docutils import nodes
@@ -31,6 +33,7 @@ html_static_path = [__file__.replace("conf.py", "style.css")]
 html_css_files = ["style.css"]
 html_math_renderer = "mathml"  # which browsers show without a script from the network
 html_show_sourcelink = html_copy_source = False
+GROUP = re.compile(r"\w+(?:, \w+)+")  # Names of a group in a docstring
 
 
 def visit_math(translator: Any, node: Element) -> None:
@@ -40,6 +43,18 @@ def visit_math(translator: Any, node: Element) -> None:
     raise nodes.SkipNode
 
 
+def one_by_one(_app: Sphinx, _what: str, _name: str, _of: Any, _options: Any, lines: list[str]) -> None:
+    """Give each name of a group in a docstring, "a, b : float", an entry of its own."""
+    for place, line in reversed([*enumerate(lines)]):
+        names, _, kind = line.partition(" : ")
+        if kind and GROUP.fullmatch(names):
+            text = [*takewhile(lambda below: below.startswith(" "), lines[place + 1 :])]
+            kinds = kind.split(" and ")
+            each = zip(names.split(", "), kinds + kinds[-1:] * names.count(","), strict=False)
+            lines[place : place + 1 + len(text)] = [new for name, of in each for new in (f"{name} : {of}", *text)]
+
+
 def setup(app: Sphinx) -> None:
-    """Register the renderer of formulas with Sphinx."""
+    """Register the renderer of formulas with Sphinx, and read docstrings before napoleon does."""
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
+    app.connect("autodoc-process-docstring", one_by_one, priority=400)

@@ -9,28 +9,38 @@ if TYPE_CHECKING:
     from typing import Any
 
     from vctune.analysis.responses import Loop as Loop
+    from vctune.api.bounding import Bounded as Bounded
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
+    from vctune.api.comparing import Comparison as Comparison
     from vctune.api.comparing import compare as compare
+    from vctune.api.explaining import Explanation as Explanation
     from vctune.api.explaining import explain as explain
+    from vctune.api.exporting import Exported as Exported
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
     from vctune.api.feeling import felt_impedance as felt_impedance
+    from vctune.api.identifying import Identification as Identification
     from vctune.api.identifying import identify as identify
     from vctune.api.identifying import write_identification as write_identification
+    from vctune.api.regions import AdmissibleGains as AdmissibleGains
     from vctune.api.regions import region as region
+    from vctune.api.simulating import Simulation as Simulation
     from vctune.api.simulating import simulate as simulate
     from vctune.api.solving import solve as solve
     from vctune.api.solving import write_design as write_design
     from vctune.api.solving import write_report as write_report
+    from vctune.api.sweeping import Swept as Swept
     from vctune.api.sweeping import sweep as sweep
+    from vctune.design.check import Checked as Checked
     from vctune.design.design_record import design_record as design_record
     from vctune.design.judging.judge import Judgement as Judgement
     from vctune.design.judging.judge import Status as Status
     from vctune.design.judging.judge import judge as judge
     from vctune.design.result import Solved as Solved
     from vctune.document.building import Device as Device
+    from vctune.document.building import ProblemSource as ProblemSource
     from vctune.document.building import problem as problem
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
@@ -39,6 +49,7 @@ if TYPE_CHECKING:
     from vctune.model.experiment import Experiment as Experiment
     from vctune.model.gains import Coupling as Coupling
     from vctune.model.gains import Gains as Gains
+    from vctune.model.gains import SpringDamper as SpringDamper
     from vctune.model.hands import Hand as Hand
     from vctune.model.hands import LeastOperator as LeastOperator
     from vctune.model.parts import Actuator as Actuator
@@ -60,25 +71,36 @@ if TYPE_CHECKING:
 # Public names and modules that contain them, imported when first used: `import vctune` stays cheap
 _HOME = {
     "Actuator": "model.device",
+    "AdmissibleGains": "api.regions",
+    "Bounded": "api.bounding",
     "Certificate": "proof.certificate",
+    "Checked": "design.check",
+    "Comparison": "api.comparing",
     "Coupling": "model.gains",
     "Device": "document.building",
     "ExitCode": "exit_codes",
     "Experiment": "model.experiment",
+    "Explanation": "api.explaining",
+    "Exported": "api.exporting",
     "ForceSensor": "model.device",
     "Gains": "model.gains",
     "Hand": "model.hands",
+    "Identification": "api.identifying",
     "InputError": "document.text.errors",
     "Judgement": "design.judging.judge",
     "LeastOperator": "model.hands",
     "Loop": "analysis.responses",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
+    "ProblemSource": "document.building",
     "Range": "model.problem",
     "Simulated": "simulation.two_runs",
+    "Simulation": "api.simulating",
     "Solved": "design.result",
+    "SpringDamper": "model.gains",
     "Status": "design.judging.judge",
     "Structure": "model.device",
+    "Swept": "api.sweeping",
     "VelocityEstimate": "model.device",
     "bound": "api.bounding",
     "certify": "proof.certificate",

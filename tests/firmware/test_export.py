@@ -14,6 +14,7 @@ import pytest
 from command import run as vctune
 from compilers import by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
+from draws import sections
 from kinds import admittance, servo
 from test_servos import CONTACT, WALKER, decades
 
@@ -67,7 +68,12 @@ PARTS = {
     "late": "[device.velocity]\nfilter_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\ndelay = 1.3e-3\n",
     "flexible": "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 200.0\ndamping_ratio = 0.05\n",
 }
+NOTCH = "[[0.9408092961815945, -1.749484722589444, 0.9408092961815944, 1.0, -1.749484722589444, 0.881618592363189]]"
+PARTS["notched"] = f"[device.velocity]\nfilter_coefficient = 0.7\nfilter_order = 2\nsections = {NOTCH}\n"
+PARTS["notched"] += f"[device.force_sensor]\nfilter_coefficient = 0.5\nsections = {NOTCH}\n"
 KINDS = {name: NAME + DEVICE + part + FIXED.format(160.0) + EXPERIMENTS for name, part in PARTS.items()} | SERVOS
+KINDS["pulled"] = SERVOS["velocity"].replace("bandwidth_hz = 40.0 }", "bandwidth_hz = 40.0, stiffness = 20.0 }")
+KINDS["pulled"] = KINDS["pulled"].replace("force_sensor = { ", f"force_sensor = {{ sections = {NOTCH}, ")
 KINDS["euler"] = SERVOS["velocity"].replace(*EULER)
 KINDS["euler position"] = KINDS["euler"].replace("bandwidth_hz = 40.0 }", 'bandwidth_hz = 40.0, command = "position" }')
 
@@ -314,6 +320,11 @@ def test_behind_a_limit_the_position_error_stays_within_reach():
 def random_tables(kind, rng):
     """Return the tables of a random design with random parts before random environments."""
     device = servo(rng) if kind == "servo" else admittance(rng)
+    if rng.random() < 0.5:
+        device["force_sensor"] = device.get("force_sensor", {}) | {"sections": sections(rng)}
+        device["velocity"] = device.get("velocity", {}) | {"sections": sections(rng)}
+    if kind == "servo":
+        device.pop("velocity", None)
     T, mass = device["sample_time"], device.get("mass", 1.0)
     gain = mass / T * 10 ** rng.uniform(-2, -0.3)
     environments = [

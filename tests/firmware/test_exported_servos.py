@@ -15,6 +15,17 @@ from vctune.model.gains import Coupling
 from vctune.simulation.controller import coupling_coefficients, coupling_of
 
 
+def test_its_filter_and_its_spring_are_in_the_code():
+    device = ARM["device"] | {
+        "servo": ARM["device"]["servo"] | {"stiffness": 20.0},
+        "force_sensor": {"filter_coefficient": 0.5},
+    }
+    files = export(ARM | {"device": device}, unproved=True).files
+    assert "#define VCTUNE_FORCE_FILTER_0_NOW (0.5)" in files["vctune_controller.h"]
+    assert "- VCTUNE_OWN_STIFFNESS * (measurement->position - state->own_zero)" in files["vctune_controller.c"]
+    assert "FILTER" not in export(ARM, unproved=True).files["vctune_controller.h"]
+
+
 @pytest.mark.parametrize("command", SERVOS)
 def test_every_file_speaks_of_the_servo(command, tmp_path):
     """Of what it follows, late by how much; not of a mass, a motor, a gain or a limit, which it has not."""

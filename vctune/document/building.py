@@ -29,7 +29,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.toml import toml_text
 from vctune.model import device as devices
 from vctune.model.display import ADMITTANCE, DISPLAYS, STEPPED, Display
-from vctune.model.fields import table_of
+from vctune.model.fields import table_of, with_plain_signature
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem
@@ -39,6 +39,7 @@ ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 DesignSource = Gains | GainsFile | str | Path  # A design: the path of a gains file, the file itself, or gains
 
 
+@with_plain_signature
 @dataclass(frozen=True, slots=True, repr=False)
 class Device(devices.Device):
     """An admittance or impedance display as a user states it, with the checks of the [device] table of a problem file.

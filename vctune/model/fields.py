@@ -6,6 +6,7 @@ states.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from math import inf
@@ -120,6 +121,23 @@ def record(cls: type[T]) -> type[T]:
     """Return a frozen dataclass that is also a table of a file, which refuses unknown keys."""
     made: Any = dataclass(frozen=True, slots=True)(cls)
     made.__pydantic_config__ = ConfigDict(extra="forbid")
+    return with_plain_signature(made)
+
+
+# Types of the fields of a file, as a signature shows them
+PLAIN = dict.fromkeys(("Positive", "NotNegative", "Portion", "Share", "Real", "Number"), "float")
+PLAIN |= dict.fromkeys(("Hold", "DisplayName", "UnitSystem", "Rule"), "str")
+PLAIN |= {"Order": "int", "Sections": "Sequence[Sequence[float]]"}
+MARKED = re.compile(r"Internal\[(?P<internal>.*)\]|Annotated\[(?P<type>[^\[\],]*(?:\[[^\]]*\])?[^,]*),.*\]", re.DOTALL)
+
+
+def with_plain_signature(made: type[T]) -> type[T]:
+    """Return a dataclass whose signature, as `help` shows it, has types without the marks of a file."""
+    hints = made.__init__.__annotations__
+    for name, hint in hints.items():
+        mark = MARKED.fullmatch(hint) if isinstance(hint, str) else None
+        if mark is not None:
+            hints[name] = re.sub(r"\w+", lambda word: PLAIN.get(word[0], word[0]), mark["internal"] or mark["type"])
     return made
 
 

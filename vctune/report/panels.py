@@ -11,6 +11,7 @@ from vctune.analysis.feel import NO_LOOP, sensor_miss
 from vctune.analysis.felt_impedance import impedance_felt
 from vctune.analysis.margins import loop_margins
 from vctune.analysis.responses import Loop
+from vctune.document.reading import ProblemFile
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.report.curves import Required, handle_impedance, no_coupling, requirements, transparency
@@ -33,8 +34,12 @@ LEAST_SPAN = 0.1  # Least span of ratios that sets the limits of the axis
 THIN = ((RED, "--"), (INK, ":"), (GREY, "-."))  # Colours and dashes of further requirements
 
 
+def _posed(source: Problem | ProblemFile) -> Problem:
+    return source.problem if isinstance(source, ProblemFile) else source
+
+
 def draw_required(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
+    axes: Axes, problem: Problem | ProblemFile, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
 ) -> Axes:
     """Draw Re Z_c of the coupling and the R that the hands require, over frequency.
 
@@ -45,8 +50,10 @@ def draw_required(
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem, gains, coupling : Problem, Gains, AnyCoupling
-        The problem and the design.
+    problem : Problem or ProblemFile
+        The problem, also as `problem` returns it.
+    gains, coupling : Gains and AnyCoupling
+        The design.
     requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
@@ -55,6 +62,7 @@ def draw_required(
     Axes
         The given axes.
     """
+    problem = _posed(problem)
     drawn = requirement or requirements(problem, gains, coupling)[0]
     axes.semilogy(drawn.hz, drawn.offered, color=BLUE, label=f"coupling, {drawn.name}")
     axes.semilogy(drawn.hz, drawn.required, "--", color=ORANGE, label="required, R")
@@ -69,7 +77,7 @@ def draw_required(
 
 
 def draw_ratio(
-    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
+    axes: Axes, problem: Problem | ProblemFile, gains: Gains, coupling: AnyCoupling, requirement: Required | None = None
 ) -> Axes:
     """Draw Re Z_c / R over frequency, on an axis around 1, with its least value and the safety factor.
 
@@ -77,8 +85,10 @@ def draw_ratio(
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem, gains, coupling : Problem, Gains, AnyCoupling
-        The problem and the design.
+    problem : Problem or ProblemFile
+        The problem, also as `problem` returns it.
+    gains, coupling : Gains and AnyCoupling
+        The design.
     requirement : Required, optional
         Which requirement to draw; by default the first of the problem.
 
@@ -87,6 +97,7 @@ def draw_ratio(
     Axes
         The given axes.
     """
+    problem = _posed(problem)
     drawn, factor = requirement or requirements(problem, gains, coupling)[0], problem.stability.safety_factor
     axes.plot(drawn.hz, drawn.offered / drawn.required, color=BLUE, label=f"{drawn.name} / R")
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
@@ -109,14 +120,14 @@ def _frequencies(axes: Axes, drawn: Required) -> None:
         shade(axes, drawn.band, BLUE, "requested band")
 
 
-def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
+def draw_nyquist(axes: Axes, problem: Problem | ProblemFile, gains: Gains) -> Axes:
     """Draw the sampled velocity loop L up to Nyquist, its margins, and the circle in which ``|S|`` exceeds its limit.
 
     Parameters
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem : Problem
+    problem : Problem or ProblemFile
         A problem with a velocity loop, so not of a servo.
     gains : Gains
         Gains of the velocity loop.
@@ -126,6 +137,7 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     Axes
         The given axes.
     """
+    problem = _posed(problem)
     most, curve = problem.stability.max_sensitivity, Loop(problem.device, gains).L.at()
     margins = loop_margins(problem.device, gains)
     axes.plot(curve.values.real, curve.values.imag, color=BLUE, label="L up to Nyquist")
@@ -145,7 +157,9 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     return axes
 
 
-def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, part: str = "error") -> Axes:
+def draw_error(
+    axes: Axes, problem: Problem | ProblemFile, gains: Gains, coupling: AnyCoupling, part: str = "error"
+) -> Axes:
     """Draw the transparency error or one of its terms over frequency, for a design.
 
     For an admittance display, the function also draws it without a coupling, and without a coupling and a loop. For
@@ -155,8 +169,10 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem, gains, coupling : Problem, Gains, AnyCoupling
-        The problem and the design.
+    problem : Problem or ProblemFile
+        The problem, also as `problem` returns it.
+    gains, coupling : Gains and AnyCoupling
+        The design.
     part : str
         "error", or a term: "admittance", "tracking" or "coupling".
 
@@ -165,6 +181,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     Axes
         The given axes.
     """
+    problem = _posed(problem)
     hz, designed = transparency(problem, gains, coupling)
     cases = [("designed", designed, "-", BLUE)]
     if problem.device.kind.banded:
@@ -183,7 +200,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     return axes
 
 
-def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling) -> Axes:
+def draw_impedance(axes: Axes, problem: Problem | ProblemFile, gains: Gains, coupling: AnyCoupling) -> Axes:
     """Draw the impedance that the hand feels with several environments, and the ideal one, over frequency.
 
     For a device with a mechanism, that is, not a servo, the function also draws the bare device.
@@ -192,14 +209,17 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
     ----------
     axes : Axes
         Axes of Matplotlib.
-    problem, gains, coupling : Problem, Gains, AnyCoupling
-        The problem and the design.
+    problem : Problem or ProblemFile
+        The problem, also as `problem` returns it.
+    gains, coupling : Gains and AnyCoupling
+        The design.
 
     Returns
     -------
     Axes
         The given axes.
     """
+    problem = _posed(problem)
     hz, felt = handle_impedance(problem, gains, coupling)
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
         colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
