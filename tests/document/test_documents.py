@@ -91,7 +91,7 @@ SAID = {
     "unmodelled": [
         "is missing; write two numbers [Hz, radius]",
         "[10.0, 0.1, 0.2] has more than two numbers; write [Hz, radius]",
-        "20.0 is not a pair of numbers [Hz, radius]",
+        "20.0 is not a list of numbers [Hz, radius]",
         '"30 Hz" is not a number; write 30 alone',
         "-0.1 is too small",
     ],

@@ -126,7 +126,7 @@ def test_single_precision_replays_within_the_bound_that_it_states(made, kind, tm
     lines = found.stdout.splitlines()
     greatest = max(float(line.split("difference ")[1].split()[0]) for line in lines)
     assert greatest == pytest.approx(stated / 2, rel=0.02)  # what NumPy measured is what C comes to
-    unit = {"velocity": "m/s", "position": "m", "euler": "m/s", "euler position": "m"}.get(kind, "N")
+    unit = {"velocity": "m/s", "pulled": "m/s", "position": "m", "euler": "m/s", "euler position": "m"}.get(kind, "N")
     assert all(line.endswith(f" {unit}  ok") for line in lines)
 
 

@@ -44,7 +44,7 @@ def sections(rng: Rng) -> list[list[float]]:
     """Return a notch, a low-pass of order 1 to 4, a moving average, y += a (x - y), or any pair of poles and zeros."""
     corner, kind = 10 ** rng.uniform(-1.5, -0.4), int(rng.integers(5))
     if kind == 0:
-        found = signal.tf2sos(*signal.iirnotch(2 * corner, 10 ** rng.uniform(-0.3, 0.7)))
+        found = signal.tf2sos(*signal.iirnotch(2 * corner, 10 ** rng.uniform(0, 0.7)))
     elif kind == 1:
         found = signal.butter(int(rng.integers(1, 5)), 2 * corner, output="sos")
     elif kind == 2:

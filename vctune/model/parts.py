@@ -18,16 +18,12 @@ from vctune.model.sections import MOST_SECTIONS, SectionRows, faults_of_rows
 
 
 def _checked(rows: SectionRows) -> SectionRows:
-    if fault := faults_of_rows(rows):
+    for fault in faults_of_rows(rows):
         raise ValueError(fault)
     return rows
 
 
-Sections = Annotated[
-    tuple[tuple[Real, Real, Real, Real, Real, Real], ...],
-    Field(min_length=1, max_length=MOST_SECTIONS),
-    AfterValidator(_checked),
-]
+Sections = Annotated[tuple[tuple[Real, ...], ...], AfterValidator(_checked)]
 SECTIONS = (
     "Second-order sections [b0, b1, b2, a0, a1, a2], as SciPy writes them, with which the firmware filters the {}, "
     f"after its low-pass if there is one: stable, with the gain 1 at rest, at most {MOST_SECTIONS}. Default: none."

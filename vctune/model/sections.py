@@ -3,16 +3,17 @@ section 12)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from fractions import Fraction
 from functools import lru_cache
+from math import isfinite
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import add, nothing, times
 
-SectionRow = tuple[float, float, float, float, float, float]  # A section as SciPy writes it: b0, b1, b2, a0, a1, a2
-SectionRows = tuple[SectionRow, ...]
+SectionRows = tuple[tuple[float, ...], ...]  # Sections as SciPy writes them: b0, b1, b2, a0, a1, a2 each
+NUMBERS = 6
 MOST_SECTIONS = 4
 GAIN_OFF = 1e-6  # Greatest deviation from 1 of the gain at rest that is taken as a rounding of the coefficients
 
@@ -123,22 +124,25 @@ def rows_of_sections(sections: Sequence[Section]) -> SectionRows:
     return tuple((s.now, s.before, s.earlier, 1.0, s.rest - 1 - s.again, s.again) for s in sections)
 
 
-def faults_of_rows(rows: SectionRows) -> str | None:
-    """Return what is wrong with sections, in words; None if nothing is."""
+def faults_of_rows(rows: SectionRows) -> Iterator[str]:
+    """Yield what is wrong with sections, in words."""
+    if not 1 <= len(rows) <= MOST_SECTIONS:
+        yield f"has {len(rows)} sections; write 1 to {MOST_SECTIONS}, or leave it out"
     total = Fraction(1)
     for place, row in enumerate(rows, 1):
+        if len(row) != NUMBERS or not all(map(isfinite, row)) or row[3] == 0:
+            yield f"section {place} is no row of {NUMBERS} finite numbers [b0, b1, b2, a0, a1, a2] with a0 = 1"
+            return
         b0, b1, b2, a0, a1, a2 = map(Fraction, row)
-        if a0 == 0:
-            return f"section {place} has a0 = 0; SciPy writes a0 = 1"
         a1, a2 = a1 / a0, a2 / a0
         if not abs(a2) < 1 or not abs(a1) < 1 + a2:
-            return f"section {place} is unstable: a pole is on or outside the unit circle"
+            yield f"section {place} is unstable: a pole is on or outside the unit circle"
+            return
         if b0 + b1 + b2 == 0:
-            return f"section {place} has the gain 0 at rest, so that no steady motion passes"
+            yield f"section {place} has the gain 0 at rest, so that no steady motion passes"
         total *= (b0 + b1 + b2) / a0 / (1 + a1 + a2)
     if abs(total - 1) > GAIN_OFF:
-        return (
+        yield (
             f"the gain at rest is {float(total):.9g}, and must be 1 within {GAIN_OFF:g}: divide the first three "
             "numbers of one section by it, and write all digits, as sos.tolist() does"
         )
-    return None

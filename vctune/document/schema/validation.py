@@ -40,9 +40,13 @@ class Fault(NamedTuple):
     code: Code
 
 
-# Keys whose values are lists of pairs, each with an example
+# Keys whose values are lists of lists, each with an example
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
+    **dict.fromkeys(
+        (("device", "velocity", "sections"), ("device", "force_sensor", "sections")),
+        ("[b0, b1, b2, a0, a1, a2]", "sections = [[0.1, 0.0, 0.0, 1.0, -0.9, 0.0]]"),
+    ),
 }
 
 
@@ -124,7 +128,7 @@ WRONG_TYPE: dict[str, str] = {
     "bool_type": "{value} is not true or false",
     "list_type": "{value} is not a list of {elements}",
     "string_type": "{value} is not a text; put it in quotes",
-    "tuple_type": "{value} is not a pair of numbers {pair}",
+    "tuple_type": "{value} is not a list of numbers {pair}",
     **dict.fromkeys(("model_type", "dict_type", "dataclass_type"), "{value} is not a table"),
 }
 

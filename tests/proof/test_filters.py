@@ -1,0 +1,135 @@
+"""Filters by their coefficients, walls with a measured velocity, and regions of walls in hands."""
+
+from __future__ import annotations
+
+import re
+from math import inf
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import mostly_slow
+from draws import sections
+from loop import Loop, radius
+from scipy import signal
+
+import vctune
+from vctune import InputError
+from vctune.model.design import Design
+from vctune.model.gains import Gains, SpringDamper
+from vctune.proof.claims.loop_claims import of_design
+from vctune.proof.claims.poles import coupling_turns
+
+DUAL = {"display": "impedance", "mass": 0.05, "damping": 0.3, "sample_time": 1e-3, "delay": 5e-4}
+NOTCH = signal.tf2sos(*signal.iirnotch(60, 3, fs=1000)).tolist()
+WALLS = {"environment": {"stiffness": inf}, "stability": {"criterion": "hands", "safety_factor": 1.05}}
+PLANE = {"stiffness": {"min": 50.0, "max": 5000.0}, "damping": {"min": 0.01, "max": 30.0}}
+FLEXIBLE = {"structure": {"handle_mass": 0.02, "frequency_hz": 120.0, "damping_ratio": 0.05}}
+DEVICES: dict[str, dict[str, Any]] = {
+    "low-pass": DUAL | {"velocity": {"filter_hz": 50.0}},
+    "notch": DUAL | {"velocity": {"sections": NOTCH}},
+    "measured": DUAL | {"delay": 1.5e-3, "velocity": {"from": "measured", "filter_coefficient": 0.6}},
+    "flexible": DUAL | FLEXIBLE | {"velocity": {"filter_hz": 100.0}},
+}
+
+
+def judged(tables: dict[str, Any]) -> Any:
+    problem = vctune.problem(tables).problem
+    return vctune.judge(problem, *problem.fixed_design)
+
+
+def grows(device: dict[str, Any], b: float, k: float, hand: tuple[float, float, float]) -> bool:
+    """Return whether a wall in a hand grows, stepped."""
+    measured = device["velocity"].get("from") == "measured"
+    still = (0.0, 1e9 * (b + k * device["sample_time"]), 0.0)  # a damper that nothing moves
+    return radius(Loop(device, (0.0, 0.0), (b, k), hand, (0.0, 0.0, 0.0) if measured else still)) > 1 + 1e-9
+
+
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["notch"]))
+def test_no_wall_of_a_proved_cell_grows_in_any_hand(name):
+    found = vctune.region({"device": DEVICES[name], "coupling": PLANE} | WALLS, resolution=1 / 16).region
+    cells, rng = found.plane.cells(found.squares), np.random.default_rng(7)
+    feasible, infeasible = (np.flatnonzero(found.kinds == kind) for kind in (1, 2))
+    assert found.area(1) > 0.35 and found.area(2) > 0.3
+    for number in range(300):
+        cell, place = rng.choice(feasible), rng.random(2) if number % 3 else np.round(rng.random(2))
+        b, k = cells.low[2:, cell] * (cells.high[2:, cell] / cells.low[2:, cell]) ** place * rng.uniform(1, 1.05)
+        share = np.where(rng.random(3) < 0.5, np.round(rng.random(3)), rng.random(3) ** 3)
+        assert not grows(DEVICES[name], b, k, (0.5 * share[0], 30 * share[1], 3000 * share[2])), (b, k, share)
+    hands = [
+        (m, B, K) for m in (0.0, 0.005, 0.05, 0.5) for B in (0.0, 1.5) for K in (0.0, 3.0, 30.0, 150.0, 900.0, 3e3)
+    ]
+    for cell in rng.choice(infeasible, 12):
+        b, k = np.sqrt(cells.low[2:, cell] * cells.high[2:, cell]) * 1.05
+        assert any(grows(DEVICES[name], b, k, hand) for hand in hands), (b, k)
+
+
+def test_a_low_pass_is_the_same_however_it_is_stated():
+    """By its corner, by its coefficient, and as a section."""
+    a = 1 - np.exp(-2 * np.pi * 60.0 * 1e-3)
+    stated = {"filter_hz": 60.0}, {"filter_coefficient": a}, {"sections": [[a, 0.0, 0.0, 1.0, a - 1, 0.0]]}
+    law = {"coupling": {"stiffness": 200.0, "damping": 0.2}, "gains": {"velocity": 0.1}}
+    law |= {"stability": {"criterion": "both"}}
+    ratios = [judged({"device": DUAL | {"velocity": velocity}} | law) for velocity in stated]
+    first, *others = [[at.ratio for at in each.margins] for each in ratios]
+    assert all(other == pytest.approx(first, rel=1e-9) for other in others)
+    assert len({each.status for each in ratios}) == 1
+
+
+def test_a_measured_velocity_damps_more_than_a_difference():
+    """A joint of 100 N m/rad and 20 N m s/rad, a sample late: 2.52 times that wall shakes, differenced 2.08 times."""
+    joint = {"display": "impedance", "units": "rotary", "mass": 0.1, "damping": 1.0, "sample_time": 2e-3, "delay": 2e-3}
+    hands = {name: {"min": 0.0, "max": most} for name, most in (("mass", 0.005), ("damping", 0.3), ("stiffness", 30.0))}
+    for source, limit in (("measured", 2.52), ("difference", 2.08)):
+        for share, status in ((0.99, "certified"), (1.01, "violated")):
+            tables = {"device": joint | {"velocity": {"from": source}}, "operator": hands, "coupling": {}} | WALLS
+            tables["coupling"] = {"stiffness": 100 * share * limit, "damping": 20 * share * limit}
+            tables["stability"] = WALLS["stability"] | {"safety_factor": 1.0}
+            assert judged(tables).status.value == status, (source, share)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([[1.0, 0.0, 0.0, 1.0, -2.1, 1.2]], "section 1 is unstable"),
+        ([*NOTCH, [1.0, -1.0, 0.0, 1.0, -0.5, 0.0]], "section 2 has the gain 0 at rest"),
+        ([[0.5, 0.0, 0.0, 1.0, -0.6, 0.0]], "the gain at rest is 1.25"),
+        ([[0.5, 0.0, 0.0, 0.0, -0.5, 0.0]], "with a0 = 1"),
+        (5 * NOTCH, "has 5 sections; write 1 to 4"),
+        ([[1.0, 2.0]], "section 1 is no row of 6 finite numbers"),
+        ([], "has 0 sections"),
+        ("x", "is not a list of numbers [b0, b1, b2, a0, a1, a2]"),
+    ],
+)
+def test_a_wrong_filter_is_told(rows, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        vctune.problem({"device": DUAL | {"velocity": {"sections": rows}}})
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"device": DUAL | {"velocity": {"from": "measured"}}}, "environment.stiffness = inf"),
+        (WALLS | {"device": DUAL | {"velocity": {"from": "measured"}}, "stability": {}}, 'criterion = "hands"'),
+        ({"device": DUAL | {"velocity": {"filter_hz": 50.0, "filter_coefficient": 0.5}}}, "leave one of them out"),
+    ],
+)
+def test_what_is_not_proved_of_a_velocity_is_refused(tables, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        vctune.problem(tables)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_unstable_couplings_are_counted(seed):
+    """The zeros of (1 - 1/z) b_c F + k_c T outside the unit circle; some filters turn more than two low-passes."""
+    rng = np.random.default_rng(seed)
+    rows = signal.butter(6, 80.0, fs=1000.0, output="sos").tolist() if seed < 4 else sections(rng)
+    device = vctune.problem({"device": DUAL | {"velocity": {"sections": rows}}}).problem.device
+    b, k = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(0, 3)
+    above, below = np.ones(1), np.ones(1)
+    for row in rows:
+        above, below = np.convolve(above, row[:3]), np.convolve(below, row[3:])
+    zeros = np.roots(np.polyadd(b * np.convolve([1.0, -1.0], above), k * 1e-3 * np.append(below, 0.0)))
+    demands = vctune.design.prepared.pose(vctune.problem({"device": DUAL}).problem).demands
+    counted = coupling_turns(of_design(Design(device, Gains(0.0, 0.0), SpringDamper(b, k)), demands))
+    assert counted.number[0] == np.count_nonzero(np.abs(zeros) > 1)
