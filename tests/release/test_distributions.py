@@ -125,3 +125,35 @@ def test_every_extra_that_a_guide_names_is_one_of_the_wheel_and_of_a_checkout(bu
     pages = "\n".join(path.read_text() for path in (*ROOT.glob("*.md"), *Path(ROOT / "vctune").rglob("*.md")))
     named = {extra for found in re.findall(r"\[([a-z,]+)\]\"", pages) for extra in found.split(",")}
     assert named and named <= set(stated)
+
+
+STUDY = 'problem = "knob.toml"\n[axes]\n"device.damping" = [0.002, 0.003]\n'
+COMMANDS = """
+example friction-wheel
+example paddle
+example knob
+solve friction-wheel.toml
+report results/friction-wheel/design.json
+check friction-wheel.toml results/friction-wheel/gains.toml
+simulate friction-wheel.toml results/friction-wheel/gains.toml
+export results/friction-wheel/design.json
+region paddle.toml --resolution 0.125
+sweep study.toml
+explain hold
+schema problem
+"""
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 13), reason="the lowest versions have no wheels for this Python")
+def test_the_lowest_versions_that_pyproject_names_run_every_command(built, tmp_path):
+    venv.create(tmp_path / "venv", with_pip=True)
+    tools = tmp_path / "venv" / ("Scripts" if os.name == "nt" else "bin")
+    named = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    lowest = [each.replace(">=", "==") for each in named]
+    installed(tools, built[1], *lowest, cwd=tmp_path)
+    listed = ran(tools / "python", "-m", "pip", "list", "--format", "freeze", cwd=tmp_path).lower()
+    assert all(re.search(rf"^{each.lower()}(\.0)*$", listed, re.MULTILINE) for each in lowest), listed
+    (tmp_path / "study.toml").write_text(STUDY)
+    for command in COMMANDS.strip().splitlines():
+        said = ran(tools / "python", "-m", "vctune", *command.split(), cwd=tmp_path)
+        assert "Warning:" not in said, (command, said)
