@@ -34,6 +34,10 @@ CASES = {
         DUAL | {"delay": 1.4e-3, "velocity": {"from": "measured", "filter_coefficient": 0.7}},
         (0.0, 0.0), (2.0, 300.0), (0.0, 0.0, inf),
     ),
+    "measured, rendered": (
+        DUAL | {"velocity": {"from": "measured", "sections": NOTCH}},
+        (0.0, 0.0), (2.0, 300.0), (0.3, 2.0, 80.0),
+    ),
     "servo": (SERVO | {"force_sensor": {"sections": NOTCH}}, (0.0, 0.0), (inf, 4.0, 60.0), (1.0, 2.0, 300.0)),
     "servo, euler": (SERVO, (0.0, 0.0), (2.0, 60.0), (0.0, 0.0, 0.0)),
     "servo, euler, position": (
@@ -56,7 +60,7 @@ def judged(device: dict[str, Any], gains: tuple[float, float], coupling: tuple[f
     hand = {name: {"min": 0.0, "max": 1.0} for name in ("mass", "damping", "stiffness")}
     tables: dict[str, Any] = {"device": device, "coupling": law, "operator": hand, "stability": {"criterion": "hands"}}
     if "servo" not in device:
-        rigid = dual and world[2] == inf
+        rigid = dual and (world[2] == inf or device["velocity"].get("from") == "measured")
         tables["gains"] = {"velocity": gains[0]} if dual else {"velocity": gains[0], "position": gains[1]}
         tables |= {"environment": {"stiffness": inf}} if rigid else {}
     problem = vctune.problem(tables).problem

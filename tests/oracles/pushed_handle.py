@@ -123,8 +123,6 @@ class Stepped:
         estimate, after[:10] = self.filtered("velocity", (x - before) / T if differenced else v, memory[:10])
         after[30] = x
         K_v, K_p = self.gains
-        if dual and not differenced:
-            return -((K_v + self.coupling[0]) * estimate + self.coupling[1] * x), after
         free = (M, B, K) == (0.0, 0.0, 0.0)
         inertia, reach = 2 * M / T, T / 2
         if dual:

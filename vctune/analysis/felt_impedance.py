@@ -94,8 +94,10 @@ def _inverse(
     met = np.any(beyond != 0)
     if met and device.differences:
         stiffness = back / (_compliance(coupling, device, theta) + 1 / beyond)
-    elif met:
-        damping, stiffness = damping + coupling.damping, coupling.stiffness + 0j * theta
+    elif met:  # two signals drive the coupling, of whose force the environment takes a share
+        compliance = _compliance(coupling, device, theta)
+        share = compliance / (compliance + 1 / beyond)
+        damping, stiffness = damping + coupling.damping * share, coupling.stiffness * share
     L = damping * _complex(loop.velocity, theta) + stiffness * _complex(loop.position, theta)
     return np.asarray(-(damping * _estimated(at, s) + stiffness / s) * P.across / (1 + L / opened))
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from fractions import Fraction
 from functools import lru_cache
-from math import isfinite
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import add, nothing, times
@@ -15,6 +14,8 @@ from vctune.model.numbers.matrices import add, nothing, times
 SectionRows = tuple[tuple[float, ...], ...]  # Sections as SciPy writes them: b0, b1, b2, a0, a1, a2 each
 NUMBERS = 6
 MOST_SECTIONS = 4
+MOST_TIMES = 10**6  # Greatest numerator that is taken as meant, in gains at rest
+GREATEST = 1e50  # Greatest magnitude of a number
 GAIN_OFF = 1e-6  # Greatest deviation from 1 of the gain at rest that is taken as a rounding of the coefficients
 
 
@@ -130,17 +131,25 @@ def faults_of_rows(rows: SectionRows) -> Iterator[str]:
         yield f"has {len(rows)} sections; write 1 to {MOST_SECTIONS}, or leave it out"
     total = Fraction(1)
     for place, row in enumerate(rows, 1):
-        if len(row) != NUMBERS or not all(map(isfinite, row)) or row[3] == 0:
-            yield f"section {place} is no row of {NUMBERS} finite numbers [b0, b1, b2, a0, a1, a2] with a0 = 1"
+        if len(row) != NUMBERS or not all(abs(number) <= GREATEST for number in row) or row[3] == 0:
+            yield (
+                f"section {place} is no row of {NUMBERS} numbers [b0, b1, b2, a0, a1, a2] of at most {GREATEST:g}, "
+                "with an a0 other than 0"
+            )
             return
         b0, b1, b2, a0, a1, a2 = map(Fraction, row)
         a1, a2 = a1 / a0, a2 / a0
         if not abs(a2) < 1 or not abs(a1) < 1 + a2:
             yield f"section {place} is unstable: a pole is on or outside the unit circle"
             return
-        if b0 + b1 + b2 == 0:
+        gain = (b0 + b1 + b2) / a0 / (1 + a1 + a2)
+        if gain == 0:
             yield f"section {place} has the gain 0 at rest, so that no steady motion passes"
-        total *= (b0 + b1 + b2) / a0 / (1 + a1 + a2)
+            return
+        if max(abs(b0), abs(b1), abs(b2)) > MOST_TIMES * abs(a0 * gain):
+            yield f"section {place} has a b of more than {MOST_TIMES:g} times its gain at rest; check its numbers"
+            return
+        total *= gain
     if abs(total - 1) > GAIN_OFF:
         yield (
             f"the gain at rest is {float(total):.9g}, and must be 1 within {GAIN_OFF:g}: divide the first three "
