@@ -32,7 +32,7 @@ def said_of(judgement: Judgement) -> str:
     at, units = judgement.binding, UNITS[judgement.device.units]
     hand = "" if at.hand is None else f" in the hand of {at.hand.in_words(units)}"
     if _misses_only_the_factor(judgement):
-        return _stable_but(judgement) + hand
+        return _stable_but(judgement) + hand + _elsewhere(judgement)
     worst, *others = open_claims(judgement)
     least = f"{judgement.ratio_name} {at.ratio:.6g} at {at.omega / (2 * pi):.6g} Hz{hand}"
     return "; ".join([worst, least, *others, *([words] if (words := _growth(judgement)) else [])])
@@ -68,6 +68,14 @@ def _place(outcome: Outcome, units: Units) -> str:
     known = [f"{key} {in_full(number)}" for key, number in numbers_to_state(device).items() if key != "sample_time"]
     off = [] if device.unmodelled is None else [str(device.unmodelled)]
     return f"{place} with {', '.join([*known, *off])}"
+
+
+def _elsewhere(judgement: Judgement) -> str:
+    """Return the numbers of the device of the least ratio that are not the problem's, as beside a whole sample."""
+    stated = numbers_to_state(judgement.device)
+    there = numbers_to_state(judgement.binding.device)
+    off = [f"{key} {in_full(number)}" for key, number in there.items() if number != stated.get(key)]
+    return f" with {', '.join(off)}" if off else ""
 
 
 def _stable_but(judgement: Judgement) -> str:
