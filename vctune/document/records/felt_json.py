@@ -18,7 +18,7 @@ RENDERED = 0.1  # Greatest difference of the felt stiffness of a rendered wall f
 
 
 class InHandRecord(Part):
-    """What the hand feels, by the frequency model in double precision; null for what does not exist."""
+    """What the hand feels, in the sampled loop in double precision; null for what does not exist."""
 
     limp: bool = False  # whether K_p holds no static force: its spring is nothing in the transparency band
     mass_1hz: Number = None  # of free motion: with the design, and of the bare device
