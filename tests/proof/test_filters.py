@@ -15,6 +15,7 @@ from scipy import signal
 
 import vctune
 from vctune import InputError
+from vctune.design.prepared import pose
 from vctune.model.design import Design
 from vctune.model.gains import Gains, SpringDamper
 from vctune.proof.claims.loop_claims import of_design
@@ -132,6 +133,27 @@ def test_unstable_couplings_are_counted(seed):
     for row in rows:
         above, below = np.convolve(above, row[:3]), np.convolve(below, row[3:])
     zeros = np.roots(np.polyadd(b * np.convolve([1.0, -1.0], above), k * 1e-3 * np.append(below, 0.0)))
-    demands = vctune.design.prepared.pose(vctune.problem({"device": DUAL}).problem).demands
+    demands = pose(vctune.problem({"device": DUAL}).problem).demands
     counted = coupling_turns(of_design(Design(device, Gains(0.0, 0.0), SpringDamper(b, k)), demands))
     assert counted.number[0] == np.count_nonzero(np.abs(zeros) > 1)
+
+
+@pytest.mark.parametrize("rows", [NOTCH, np.array(NOTCH), tuple(map(tuple, NOTCH))], ids=["lists", "array", "tuples"])
+def test_a_program_states_sections_as_scipy_gives_them(rows):
+    """In a part of a `Device`, whose loop is that of the file, and in a dict."""
+    device = vctune.Device(0.4, 2.0, 1e-3, velocity=vctune.VelocityEstimate(sections=rows))
+    z = np.exp(2j * np.pi * 0.05)
+    expected = signal.sosfreqz(np.array(NOTCH), [2 * np.pi * 0.05])[1][0]
+    plain = vctune.Device(0.4, 2.0, 1e-3).loop(Gains(10.0, 0.0)).L
+    omega = np.array([np.angle(z) / 1e-3])
+    assert device.loop(Gains(10.0, 0.0)).L.at(omega).values[0] == pytest.approx(
+        expected * plain.at(omega).values[0], rel=1e-9
+    )
+    stated = vctune.problem(
+        {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3, "velocity": {"sections": rows}}}
+    )
+    assert (
+        stated.problem.device.velocity == device.velocity == vctune.problem({"device": device}).problem.device.velocity
+    )
+    with pytest.raises(InputError, match="section 1 is unstable"):
+        vctune.Device(0.4, 2.0, 1e-3, velocity=vctune.VelocityEstimate(sections=[[1.0, 0.0, 0.0, 1.0, -2.1, 1.2]]))

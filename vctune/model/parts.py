@@ -17,6 +17,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.sections import MOST_SECTIONS, SectionRows, faults_of_rows
 
 
+def _as_rows(part: VelocityEstimate | ForceSensor) -> None:
+    """Keep sections that a program states as lists or as SciPy's array as tuples, which a device can be compared by."""
+    rows: Any = part.sections
+    if isinstance(rows, list) or hasattr(rows, "tolist"):
+        kept = (row.tolist() if hasattr(row, "tolist") else row for row in rows)
+        object.__setattr__(part, "sections", tuple(tuple(row) if isinstance(row, list) else row for row in kept))
+
+
 def _checked(rows: SectionRows) -> SectionRows:
     for fault in faults_of_rows(rows):
         raise ValueError(fault)
@@ -76,6 +84,9 @@ class VelocityEstimate:
     ] = None
     sections: Annotated[Sections | None, Key(SECTIONS.format("velocity"))] = None
 
+    def __post_init__(self) -> None:
+        _as_rows(self)
+
 
 @record
 class Actuator:
@@ -131,6 +142,9 @@ class ForceSensor:
         ),
     ] = None
     sections: Annotated[Sections | None, Key(SECTIONS.format("sensed force"))] = None
+
+    def __post_init__(self) -> None:
+        _as_rows(self)
 
 
 @record
