@@ -6,8 +6,10 @@ import re
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
+import mmdr
 from docutils import nodes
 from latex2mathml.converter import convert
+from sphinx.util.docutils import SphinxDirective
 
 from vctune.version import __version__
 
@@ -23,6 +25,7 @@ root_doc = "README"
 highlight_language = "none"
 suppress_warnings = ["toc.not_included"]  # only links lead to pages of designs
 myst_enable_extensions = ["dollarmath", "html_image"]
+myst_fence_as_directive = ["mermaid"]
 myst_heading_anchors = 4
 python_use_unqualified_type_names = True
 autodoc_typehints = "none"  # docstrings state the types
@@ -34,6 +37,17 @@ html_css_files = ["style.css"]
 html_math_renderer = "mathml"  # which browsers show without a script from the network
 html_show_sourcelink = html_copy_source = False
 GROUP = re.compile(r"\w+(?:, \w+)+")  # Names of a group in a docstring
+
+
+class Mermaid(SphinxDirective):
+    """A diagram, drawn when the site is built."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the diagram as an SVG element."""
+        drawn = mmdr.render("\n".join(self.content)).svg()
+        return [nodes.raw("", f'<div class="diagram">{drawn}</div>', format="html")]
 
 
 def visit_math(translator: Any, node: Element) -> None:
@@ -55,6 +69,7 @@ def one_by_one(_app: Sphinx, _what: str, _name: str, _of: Any, _options: Any, li
 
 
 def setup(app: Sphinx) -> None:
-    """Register the renderer of formulas with Sphinx, and read docstrings before napoleon does."""
+    """Register the renderers of formulas and diagrams with Sphinx, and read docstrings before napoleon does."""
+    app.add_directive("mermaid", Mermaid)
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
     app.connect("autodoc-process-docstring", one_by_one, priority=400)

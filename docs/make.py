@@ -17,12 +17,19 @@ from vctune.api.explaining import entries
 ROOT = Path(__file__).parent.parent
 TREES = ("vctune", "problems", "results", "tests", "docs", ".github")
 CHAPTERS = {
-    "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-robot-shakes vctune/document "
-    "vctune/document/off-the-menu vctune/cli",
+    "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-arm-in-ten-minutes docs/tutorials/my-robot-shakes "
+    "vctune/document vctune/document/off-the-menu vctune/cli docs/what-else",
     "Look up": "explain/code explain/key explain/term explain/device explain/claim vctune problems results reference",
     "More tools": "vctune/firmware vctune/identification vctune/study vctune/simulation vctune/report vctune/api",
     "How it works": "vctune/model vctune/design vctune/design/bound vctune/proof vctune/analysis vctune/bench",
     "The project": "CHANGELOG github/CONTRIBUTING github/SECURITY tests",
+}
+EXPLAINED = {
+    "code": "Messages by code",
+    "key": "Keys of the files",
+    "term": "Terms",
+    "device": "Devices by name",
+    "claim": "Claims",
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 
@@ -35,7 +42,7 @@ def staged(folder: Path) -> None:
         shutil.copy(page, folder)
     (folder / "explain").mkdir()
     for kind, group in groupby(sorted(entries(), key=lambda entry: entry.kind), key=lambda entry: entry.kind):
-        parts = [f"# `vctune explain`: each {kind}"]
+        parts = [f"# {EXPLAINED[kind]}\n\nWhat `vctune explain` says."]
         for entry in group:
             guide, page = (relpath(f"/{place}", "/explain") for place in (dirname(entry.guide), entry.guide))
             text = re.sub(r"\]\(#", f"]({page}#", LINK.sub(rf"]({guide}/\1", entry.text))
@@ -47,13 +54,15 @@ def staged(folder: Path) -> None:
         for name in vctune.__all__
         if name != "__version__"
     ]
-    (folder / "reference.md").write_text(f"# The library\n\n```{{eval-rst}}\n{chr(10).join(names)}\n```\n", "utf-8")
+    (folder / "reference.md").write_text(
+        f"# Functions and classes\n\n```{{eval-rst}}\n{chr(10).join(names)}\n```\n", "utf-8"
+    )
     index = ""
     for chapter, pages in CHAPTERS.items():
         paths = [f"{page}/README" if (folder / page).is_dir() else page for page in pages.split()]
         index += f"\n```{{toctree}}\n:hidden:\n:titlesonly:\n:caption: {chapter}\n{chr(10).join(paths)}\n```\n"
     for page in folder.rglob("*.md"):
-        text = page.read_text("utf-8").replace("```mermaid", "```text")
+        text = page.read_text("utf-8")
         text = re.sub(r"(\]\([^)]*)\.github/", r"\1github/", text)
         page.write_text(text + index * (page == folder / "README.md"), encoding="utf-8")
 

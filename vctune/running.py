@@ -80,9 +80,9 @@ def check_time() -> None:
 
 
 @contextmanager
-def boxes_at_most(number: int) -> Iterator[None]:
-    """Limit the boxes of each proof within the block: many proofs that may stay open, the same on every machine."""
-    token = _MOST_BOXES.set(number)
+def boxes_at_most(number: float) -> Iterator[None]:
+    """Limit the boxes of each proof in the block, the same on every machine; the least of several limits applies."""
+    token = _MOST_BOXES.set(min(_MOST_BOXES.get(), number))
     try:
         yield
     finally:

@@ -20,7 +20,7 @@ from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.search.scan import scan
 from vctune.design.solve import solve
-from vctune.design.variables import point
+from vctune.design.variables import point, ranges
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Gains
@@ -173,3 +173,17 @@ def test_a_bad_folder_is_said(tmp_path):
     (tmp_path / "file").write_text("")
     done = CliRunner().invoke(bench, ["stress", "--out", str(tmp_path / "file" / "folder")], standalone_mode=False)
     assert isinstance(done.exception, InputError)
+
+
+def test_random_starts_are_designs_of_the_problem():
+    """Each is within the bounds, and from ten of them IPOPT reaches the design that vctune proves."""
+    problem = reference_problems("passive", 1)["two-basins"]
+    prepared, found = prepare(problem), solve(problem).judgement
+    starts = peers.random_starts(prepared.scaled.problem, solvers.RANDOM_STARTS, seed=0)
+    for start in starts:
+        values = prepared.units.to_si(point(start.gains, start.coupling))
+        for value, bounds in zip(values, ranges(problem), strict=True):
+            assert bounds.min * (1 - 1e-9) <= value <= bounds.max * (1 + 1e-9)
+    assert len({start.gains for start in starts}) == solvers.RANDOM_STARTS
+    answer, _ = peers.best_answer([peers.on_grid(prepared, start, 300) for start in starts], peers.ipopt)
+    assert judge(problem, *answer.design).error == pytest.approx(found.error, rel=1e-3)

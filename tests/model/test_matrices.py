@@ -19,13 +19,17 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import (
     COTH_WITHIN,
     Matrix,
+    applied,
     bernoulli,
+    change_of_states,
     exponential_less_one,
     half_coth,
     inverse,
     norm_of,
 )
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, matmul
+from vctune.proof.enclosures.taylor import variables
+from vctune.proof.enclosures.taylor_functions import TAYLOR
 
 NUM = MPContext()
 NUM.dps = 140
@@ -84,6 +88,37 @@ def test_half_coth_in_every_arithmetic(norm):
             assert boxes[i][j].rad <= (1e-14 if norm < 3 else 1e-5) * size, number
             assert balls[i][j].contains(as_ball(true[i, j])), number
             assert balls[i][j].rad() <= 1e-28 * float(size), number
+
+
+@pytest.mark.parametrize("norm", [0.1, 0.99, 1.01, 2.01, 3.99, 4.01, 27.0])
+def test_the_change_of_states_in_every_arithmetic(norm):
+    """(e^A - 1) x: doubles are near, balls and enclosures contain, also if a number of A fills an interval."""
+    for number in range(8):
+        rng = np.random.default_rng((52, number))
+        A = random_matrix(rng, norm)
+        x = [float(each) for each in rng.normal(size=len(A) - 1)]
+        true = (NUM.expm(NUM.matrix(A.tolist())) - NUM.eye(len(A))) * NUM.matrix([0, *x])
+        size = max(abs(each) for each in true)
+        floats = change_of_states(rows(A, float), (0, *x), FLOATS)
+        points = tuple(Enclosure(np.array(each)) for each in x)
+        boxes = change_of_states(rows(A, lambda each: Enclosure(np.array(each))), (0, *points), ENCLOSURES)
+        with ctx.workprec(128):
+            balls = change_of_states(rows(A, arb), (0, *map(arb, x)), BALLS)
+        for i in range(len(A)):
+            assert abs(exact(floats[i]) - true[i]) <= 1e-12 * size, number
+            assert contains(boxes[i], true[i]) and boxes[i].rad <= (1e-13 if norm < 3 else 1e-5) * size, number
+            assert balls[i].contains(as_ball(true[i])) and balls[i].rad() <= 1e-28 * float(size), number
+        wide = 10 ** rng.uniform(-8, -1)
+        share, *_ = variables([Enclosure(np.array([1.0]), np.array([wide]))], [True])
+        spread = tuple(tuple(share * each for each in row) for row in A.tolist())
+        found, squared = change_of_states(spread, (0, *x), TAYLOR), exponential_less_one(spread, TAYLOR)
+        for near in np.linspace(1 - wide, 1 + wide, 5):
+            member = (NUM.expm(NUM.matrix((near * A).tolist())) - NUM.eye(len(A))) * NUM.matrix([0, *x])
+            for i in range(len(A)):
+                values = found[i].enclosed()
+                mid, rad = float(values.mid[0]), float(values.rad[0])
+                assert abs(float(member[i]) - mid) <= rad * (1 + 1e-12), (number, wide)
+                assert rad <= 1.01 * applied(squared, (0, *x))[i].enclosed().rad[0] + 1e-13, (number, wide)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-12, 1e-30])

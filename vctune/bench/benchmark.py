@@ -20,13 +20,13 @@ from matplotlib.ticker import LogLocator
 
 from vctune.document.text.json import printed
 from vctune.document.text.output_files import write_together
-from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, PAPER, RED, STYLE, svg
+from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, PAPER, PURPLE, RED, STYLE, svg
 
 Made = TypeVar("Made")
 Tick = Callable[[str], None]  # Type of a function that receives the name of the current stage of the measurement
 REPEATS, SLOW = 5, 1.0  # Number of timed runs, and run time, s, from which there is only one
 DIGITS = 6  # Number of significant digits of a number in the CSV table
-INKS, MARKS = (BLUE, ORANGE, GREEN, RED, GREY, INK), "os^DvP"
+INKS, MARKS = (BLUE, ORANGE, GREEN, RED, GREY, INK, PURPLE), "os^DvPX"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
 MANY = 400  # Number of points above which a bitmap is smaller than a file with the coordinates
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from math import inf, log
+from math import exp, inf
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -22,10 +22,11 @@ from vctune.design.nlp.solution import NlpStructure
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.prepared import Prepared
 from vctune.design.search.optimum import WORTH_POLISHING
-from vctune.design.variables import Coordinate, coordinates, design_of, point, rounded
+from vctune.design.variables import Coordinate, coordinates, design_of, point, ranges, rounded
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
+from vctune.model.problem import Problem
 
 PANELS = 16  # Number of panels of the objective's quadrature
 RESERVE = 1e-5  # Relative tightening of the constraints without a hand, about what 2000 frequencies miss between them
@@ -113,6 +114,18 @@ def on_grid(prepared: Prepared, start: Start, count: int) -> GridProblem:
     return GridProblem(prepared, start, free, numbers, compiled(numbers.structure))
 
 
+def random_starts(problem: Problem, count: int, seed: int) -> list[Start]:
+    """Return random designs of a dimensionless problem, evenly spread over the logarithms of what is free."""
+    rng, starts = np.random.default_rng(seed), list[Start]()
+    free = coordinates(problem, integrator=problem.bounds.position.max > 0)
+    for _ in range(count):
+        values = [bounds.min for bounds in ranges(problem)]
+        for each in free:
+            values[each.index] = each.to_x(rng.uniform(each.low, each.high))
+        starts.append(Start(*design_of(tuple(values)), error=0.0))  # nothing is known of where it leads
+    return starts
+
+
 def hands_of(box: Hands) -> list[Hand]:
     """Return the hands with a low, a middle and a high value of each number of a box."""
     values = []
@@ -180,7 +193,8 @@ def best_answer(problems: list[GridProblem], solve: Solver) -> tuple[Answer, boo
     began = process_time()
     for posed in problems:
         least = min((answer.score for answer in answers if not answer.refuted), default=inf)
-        if answers and (process_time() - began > PATIENCE or log(posed.start.error / WORTH_POLISHING) > least):
+        hopeless = posed.start.error > WORTH_POLISHING * exp(least)
+        if answers and (process_time() - began > PATIENCE or hopeless):
             continue
         z, succeeded = solve(posed)
         log_error, missed = posed.judged(z)

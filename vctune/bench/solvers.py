@@ -80,12 +80,25 @@ CRITERIA: tuple[Criterion, ...] = ("passive", "both")
 AS_GOOD = 1e-3  # Greatest gap with which a proved answer counts as equal to the best
 LINEAR = 1e-4  # Gap below which the vertical axis of the picture is linear
 OURS = "vctune"
-# The other solvers by name, each with the number of frequencies in its grid
-PEERS: dict[str, tuple[peers.Solver, int]] = {
-    "IPOPT, 200 frequencies": (peers.ipopt, 200),
-    "IPOPT, 2000 frequencies": (peers.ipopt, 2000),
-    "SciPy SLSQP, 2000 frequencies": (peers.slsqp, 2000),
-    "SciPy differential evolution, 200 frequencies": (peers.evolution, 200),
+RANDOM_STARTS = 10  # Number of random starts of a solver that is not given those of vctune's scan
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Another solver, and what it is given."""
+
+    solve: peers.Solver
+    count: int  # number of frequencies in its grid
+    own_starts: bool = False  # whether it has random starts instead of those of vctune's scan
+
+
+PEERS = {
+    "IPOPT, 200 frequencies": Peer(peers.ipopt, 200),
+    "IPOPT, 2000 frequencies": Peer(peers.ipopt, 2000),
+    "SciPy SLSQP, 2000 frequencies": Peer(peers.slsqp, 2000),
+    "SciPy differential evolution, 200 frequencies": Peer(peers.evolution, 200),
+    "IPOPT, 2000 frequencies, random starts": Peer(peers.ipopt, 2000, own_starts=True),
+    "SciPy SLSQP, 2000 frequencies, random starts": Peer(peers.slsqp, 2000, own_starts=True),
 }
 
 
@@ -117,19 +130,20 @@ def judged(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
     return found.transparency.error, missed, found.status, sound
 
 
-def measure(quick: bool, _seed: int, tick: Tick) -> Measured:
+def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     """Run every solver on the reference problems."""
     rows: list[Row] = []
     for criterion in CRITERIA:
         for name, problem in reference_problems(criterion, 1 if quick else None).items():
-            rows += _problem_rows(criterion, name, problem, tick)
+            rows += _problem_rows(criterion, name, problem, seed, tick)
     return Measured(
         "vctune against other solvers",
         "Each point is one problem: by how much the error of the answer exceeds the least error that any solver "
         "reached with a proof, against the processor time. Lower and further left is better. A filled point is proved. "
         "A hollow point is not: the solver met its constraints at the points of its grid and misses them in between, "
         "or met them nowhere. A hollow point below the line at 0 is therefore no better design. vctune's time includes "
-        "the search for starts and the proof. The other solvers get vctune's starts for nothing and prove nothing. "
+        "the search for starts and the proof. The other solvers prove nothing, and get vctune's starts for nothing, or "
+        f"{RANDOM_STARTS} random starts, of which the best answer counts. "
         "In hands, 27 hands share the frequencies of a grid: each has 74 of 2000, and only 7 of 200. "
         f"A solver stops after {peers.PATIENCE:g} s.",
         rows,
@@ -138,7 +152,7 @@ def measure(quick: bool, _seed: int, tick: Tick) -> Measured:
     )
 
 
-def _problem_rows(criterion: str, name: str, problem: Problem, tick: Tick) -> list[Row]:
+def _problem_rows(criterion: str, name: str, problem: Problem, seed: int, tick: Tick) -> list[Row]:
     """Return the rows of vctune and of all other solvers on one problem."""
     tick(f"{criterion}, {name}: {OURS}")
     solve(problem)  # compiles the solver, which is not timed
@@ -153,13 +167,16 @@ def _problem_rows(criterion: str, name: str, problem: Problem, tick: Tick) -> li
     prepared = prepare(problem)
     starts = scan(prepared.scaled).starts
     starts = [start for start in starts if start.admissible] or starts[:2]
-    for peer, (solver, count) in PEERS.items():
-        tick(f"{criterion}, {name}: {peer}")
-        # evolution needs no start, but an integrator if the problem permits one
-        some = sorted(starts, key=lambda start: start.gains.position == 0)[:1] if solver is peers.evolution else starts
-        problems = [peers.on_grid(prepared, start, count) for start in some]
-        (answer, late), seconds = timed(partial(peers.best_answer, problems, solver))
-        rows.append(row(peer, seconds, late, answer.succeeded, *answer.design))
+    for label, peer in PEERS.items():
+        tick(f"{criterion}, {name}: {label}")
+        some = starts
+        if peer.own_starts:
+            some = peers.random_starts(prepared.scaled.problem, RANDOM_STARTS, seed)
+        elif peer.solve is peers.evolution:  # it needs no start, but an integrator if the problem permits one
+            some = sorted(starts, key=lambda start: start.gains.position == 0)[:1]
+        problems = [peers.on_grid(prepared, start, peer.count) for start in some]
+        (answer, late), seconds = timed(partial(peers.best_answer, problems, peer.solve))
+        rows.append(row(label, seconds, late, answer.succeeded, *answer.design))
     best = min((row.error for row in rows if row.verdict is Status.CERTIFIED), default=nan)
     return [replace(row, gap=row.error / best - 1) for row in rows]
 

@@ -8,10 +8,11 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
 from io import BytesIO, StringIO
 from math import floor, inf, isclose, isfinite, log10, pi
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -23,9 +24,11 @@ from vctune.running import check_time
 
 INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and ground
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
+PURPLE = "#8d5bc4"
 WIDTH = 4.2  # Width of a figure of a page, inches
 STYLE: Any = {
     "figure.constrained_layout.use": True,
+    "figure.dpi": 150,  # of what an SVG file shows as a bitmap
     "svg.fonttype": "none",
     "path.simplify_threshold": 0.25,
     "font.size": 9,
@@ -200,9 +203,9 @@ def picture(figure: Figure, name: str, kind: FigureKind) -> str | bytes:
 def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG in the reader's font; figures made alike give the same text under the same name."""
     check_time()
-    stream = StringIO()
-    with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
-        figure.savefig(stream, format="svg", dpi=150, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    stream, canvas = StringIO(), cast(Any, FigureCanvasSVG(figure))
+    with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):  # savefig would draw the figure twice
+        canvas.print_svg(stream, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = re.sub(r"; font-family: [^;\"]*", "; font-family: sans-serif", stream.getvalue())
     text = re.sub(r'[ \n](d|x|y|transform)="[^"]*"', lambda found: re.sub(r"(?<=\.\d\d)\d+", "", found[0]), text)
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2.environment import TemplateModule
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -42,8 +44,14 @@ def page_files(
 
 def words(name: str, *of: Any) -> str:
     """Return a sentence of words.txt.j2 about something, by its name."""
-    made = getattr(_templates().get_template("words.txt.j2").module, name)(*of)
+    made = getattr(_sentences(), name)(*of)
     return re.sub(r"[ \n]+", " ", made).strip()  # a thin space stays
+
+
+@cache
+def _sentences() -> TemplateModule:
+    """Return words.txt.j2, compiled once."""
+    return _templates().get_template("words.txt.j2").module
 
 
 def _templates(put: Callable[[str], str] = lambda text: text) -> Environment:

@@ -12,9 +12,10 @@ from time import perf_counter
 
 import numpy as np
 
+from vctune.analysis.demands import transparency_error
 from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import RatioInHand, least_ratios_near
-from vctune.design.judging.judge import Judgement, Status, judge_posed
+from vctune.design.judging.judge import IDLE_TRACKING, Judgement, Status, judge_posed
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet
 from vctune.design.prepared import Prepared, prepare, with_corner
@@ -32,7 +33,7 @@ from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.delays import NEXT_TO
 from vctune.proof.claims.registry import CLAIMS, IN_HANDS
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
+from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time, seconds_left, time_limit
 
 # The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio
 WORTH_POLISHING = 1.05
@@ -45,6 +46,9 @@ LONG_SHOTS = 2
 NEARLY = 0.1  # Greatest violation of a start, as a share, for `within_reach` to polish it
 OTHER_DESIGN = 1.001  # Least ratio of the errors of two optima that are not taken for the same design
 PROOF_BOXES = 200_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
+# Greatest number of boxes of a claim about an idle design while a start is left that uses its velocity loop, and whose
+# error is at most this ratio of that of the idle design
+IDLE_BOXES, WORTH_INSTEAD = 20_000, 1.5
 # Number of delays on each side of the worst one that `worst_near` tries in each round, and number of rounds
 DELAYS_TRIED, DELAY_ROUNDS = 4, 6
 # Number of times that the search adds a hand that only the proof has found, and polishes the optimum again
@@ -76,16 +80,23 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
     polished = perf_counter()
     progress(f"proving{_best_known(optima, prepared.units.error)}")
-    best, judgement = _best_proved(prepared, scanned, optima)
+    tried = [optimum.start for optimum in optima]
+    starts = [start for start in scanned.starts if start not in tried]
+    most = WORTH_INSTEAD * optima[0].error if optima else 0.0
+    useful = [s for s in starts if s.workable and s.error <= most and not _idle(prepared, s.gains, s.coupling)]
+    best, judgement = _best_proved(prepared, scanned, optima, IDLE_BOXES if useful else inf)
     undecided = judgement is not None and judgement.status is Status.UNDECIDED
     if optima and (judgement is None or undecided) and not out_of_time():  # try the starts that the search skipped
-        tried, near = [optimum.start for optimum in optima], WORTH_POLISHING * optima[0].error if undecided else 0.0
-        others = replace(scanned, starts=[s for s in scanned.starts if s not in tried and s.error > near])
-        more, _ = local_optima(prepared, others, progress, inf)
+        idle = undecided and best is not None and _idle(prepared, *design_of(best.values))
+        least = WORTH_POLISHING * optima[0].error if undecided and not idle else 0.0
+        left = replace(scanned, starts=[start for start in (useful if idle else starts) if start.error > least])
+        more, _ = local_optima(prepared, left, progress, inf)
         more = [each for each in more if not undecided or each.error > OTHER_DESIGN * optima[0].error]
         another, proved = _best_proved(prepared, scanned, more)
         if not undecided or (proved is not None and proved.status is Status.CERTIFIED):
             optima, best, judgement = more, another, proved
+        elif idle:
+            best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         with suppress(OutOfTimeError):
             judgement = _with_least_coupling(prepared, judgement)
@@ -166,26 +177,39 @@ def _polish_starts(
             optima.append(polished)
 
 
+def _idle(prepared: Prepared, gains: Gains, coupling: AnyCoupling) -> bool:
+    """Return whether a dimensionless design hardly uses its velocity loop."""
+    found = transparency_error(prepared.scaled.problem, gains, coupling)
+    return prepared.problem.device.kind.own_loop and found.tracking > IDLE_TRACKING
+
+
 def _best_proved(
-    prepared: Prepared, scanned: ScanResult, optima: list[Polished]
+    prepared: Prepared, scanned: ScanResult, optima: list[Polished], of_idle: float = inf
 ) -> tuple[Polished | None, Judgement | None]:
-    """Return the best proved design, or else the best undecided one."""
+    """Return the best proved design, or else the best undecided one; `of_idle` boxes are spent on an idle one."""
     doubtful: tuple[Polished, Judgement] | None = None
     spent = 0
     with suppress(OutOfTimeError):
         for optimum in optima:
-            for polished, judgement in _attempts(prepared, scanned, optimum):
+            most = of_idle if _idle(prepared, *design_of(optimum.values)) else inf
+            if most < inf and doubtful is not None:
+                continue
+            for polished, judgement in _attempts(prepared, scanned, optimum, most):
                 if judgement.status is Status.CERTIFIED:
                     return polished, judgement
                 if judgement.status is Status.UNDECIDED and doubtful is None:
                     doubtful = polished, judgement
                 spent += judgement.certificate.boxes
+                if most < inf and judgement.status is Status.UNDECIDED:
+                    break
                 if doubtful is not None and (spent > PROOF_BOXES or judgement.certificate.cut):
                     return doubtful
     return doubtful if doubtful is not None else (None, None)
 
 
-def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
+def _attempts(
+    prepared: Prepared, scanned: ScanResult, optimum: Polished, most: float
+) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish it again with its witnesses, and judge the result."""
     polished: Polished | None = optimum
     tightening, witnesses, sharpened, judged = TIGHTENING, WorkingSet(), 0, list[Judgement]()
@@ -198,7 +222,8 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
         found = sum(_new_hand(prepared, law, judgement, witnesses, tightening) for judgement in judged)
         if not found:  # else the hands near the witnesses of earlier judgements already refute this design
             given = with_corner(prepared.given, values[CORNER]) if len(values) > CORNER else prepared.given
-            judgement = judge_posed(given, *law)
+            with boxes_at_most(most):
+                judgement = judge_posed(given, *law)
             yield polished, judgement
             judged += [judgement] if judgement.certificate.demands.walls_met is None else []
             for claim, outcome in judgement.certificate.outcomes.items():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import count
-from math import ceil, comb, factorial, inf, log2, pi
+from math import ceil, comb, exp, factorial, inf, log2, pi
 from typing import Any, TypeVar
 
 import numpy as np
@@ -81,6 +81,33 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     for _ in range(halvings):
         found = added(scaled(found, 2), product(found, found))
     return rows_of(found)
+
+
+STEPS = 4  # Number of steps up to which it is faster to follow the states than to square e^A
+
+
+def change_of_states(matrix: Matrix, states: Vector, ops: Arithmetic) -> Vector:
+    """Return (e^A - 1) x by Taylor's polynomial, in steps whose exponent has a norm of at most 1."""
+    norm = norm_of(matrix, ops)
+    steps = 2 ** max(0, ceil(log2(norm))) if 0 < norm < inf else 1
+    if steps > STEPS:
+        return applied(exponential_less_one(matrix, ops), states)
+    n, x, size = len(matrix), norm / steps, max(ops.magnitude(state) for state in states)
+    both = blocked(tuple((*row, state) for row, state in zip(scaled(matrix, 1 / steps), states, strict=True)), ops)
+    small, first = columns_of(both, 0, n), columns_of(both, n, n + 1)
+    last = next(n for n in count(n) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
+    # for x <= 1 all further terms add up to less than 1.4 times the first of them
+    rest = 1.4 * x ** (last + 1) / factorial(last + 1) * size
+    total = now = first
+    for step in range(steps):
+        change = term = product(small, now)
+        for order in range(2, last + 1):
+            term = divided(product(small, term), order)
+            change = added(change, term)
+        change = _each(change, ops.within(rest * exp(x * step)))
+        total = added(total, change) if step else change
+        now = added(first, total)
+    return column(rows_of(total), 0)
 
 
 COTH_WITHIN = 2.0  # Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi
@@ -231,6 +258,13 @@ def divided(matrix: AnyMatrix, count: Number) -> AnyMatrix:
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries / count, matrix)
     return tuple(tuple(entry if nothing(entry) else entry / count for entry in row) for row in matrix)
+
+
+def columns_of(matrix: AnyMatrix, first: int, end: int) -> AnyMatrix:
+    """Return some columns of a matrix."""
+    if isinstance(matrix, Block):
+        return Block(matrix.entries[:, first:end], matrix.nonzero[:, first:end], matrix.ops)
+    return tuple(row[first:end] for row in matrix)
 
 
 def column(matrix: Matrix, index: int) -> Vector:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.matrices import Matrix, Vector, add, applied, column, exponential_less_one, scaled
+from vctune.model.numbers.matrices import Matrix, Vector, add, change_of_states, scaled
 
 # Type of a function that returns the complex number even + j s odd for given even and odd
 OfParts = Callable[[Number, Number], Any]
@@ -63,6 +63,7 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
 def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
     """Return the change of the states over one sample per unit of a force that acts in its first part `older`."""
-    early, late = (exponential_less_one(scaled(rates, time), ops) for time in (older, 1 - older))
-    left = column(early, -1)
-    return tuple(add(a, b) for a, b in zip(left, applied(late, left), strict=True))
+    force = (*(0,) * (len(rates) - 1), 1)
+    left = change_of_states(scaled(rates, older), force, ops)
+    later = change_of_states(scaled(rates, 1 - older), left, ops)
+    return tuple(add(a, b) for a, b in zip(left, later, strict=True))

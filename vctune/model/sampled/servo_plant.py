@@ -15,7 +15,7 @@ from vctune.model.numbers.matrices import (
     add,
     added,
     applied,
-    exponential_less_one,
+    change_of_states,
     half_coth,
     identity,
     norm_of,
@@ -100,7 +100,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
 
 def _decayed_over_sample(rates: Matrix, ops: Arithmetic) -> Vector:
     """Return e^A (1, 1, ...)."""
-    return tuple(1 + x for x in applied(exponential_less_one(rates, ops), (1,) * len(rates)))
+    return tuple(1 + x for x in change_of_states(rates, (1,) * len(rates), ops))
 
 
 def _decayed(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
