@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=False)
 settings.load_profile("reproducible")
 
-DRAWS = int(os.environ.get("VCTUNE_DRAWS", "4"))
+DRAWS = int(os.environ.get("VCTUNE_DRAWS", "2"))
 """How many slow cases of a test run, and how many draws a slow test makes: few here, `WHOLE` or more at night."""
 WHOLE = 25
 ROOT = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import DRAWS, mostly_slow
+from conftest import DRAWS, WHOLE, mostly_slow
 from draws import Tables, in_units
 from kinds import KINDS, Drawn, Witness, walled
 from loop import Loop
@@ -33,7 +33,7 @@ SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 MANY = max(DRAWS, 4)
 """Problems of each kind in a slow run."""
 LONG = ("limp hands", "uncertain hands", "uncertain display", "worlds")
-"""Kinds whose proofs take seconds."""
+"""Kinds whose proofs take seconds, and next to their limit minutes."""
 
 
 @cache
@@ -68,18 +68,19 @@ def said(kind: str, number: int, side: float) -> str:
 def tried(kind: str, numbers: range) -> Counter[str]:
     counts: Counter[str] = Counter()
     for number in numbers:
-        counts.update(said(kind, number, side) for side in SIDES)
+        sides = SIDES if kind not in LONG or DRAWS >= WHOLE else SIDES[:2]
+        counts.update(said(kind, number, side) for side in sides)
     return counts
 
 
-@pytest.mark.parametrize("kind", mostly_slow(KINDS, set(KINDS) - set(LONG)))
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, ("passive", "hands", "servo", "display", "any hand")))
 def test_no_verdict_is_wrong(kind):
     counts = tried(kind, range(2))
     assert counts["undecided"] <= 1 and counts["proved"] and counts["refuted"], counts
 
 
 LEAST_DECIDED = 0.85
-QUICK = ("servo, nothing behind", "wall in hands", "wall in any hand, parts", "ROS 2", "ROS 2 on a servo")
+QUICK = ("wall in hands", "wall in any hand, parts", "ROS 2")
 """Sentences that are tried each time."""
 SECONDS = 20.0
 """For each verdict."""
@@ -154,7 +155,7 @@ UNITS = [(32.0, 0.125), (2.0**40, 2.0**-40), (2.0**-40, 2.0**40), (2.0**-40, 2.0
 @pytest.mark.parametrize("units", mostly_slow(UNITS, UNITS[1:2]))
 def test_units_change_nothing(kind, units):
     """But whether a proof ends within its boxes, of which other numbers take a few more or less."""
-    for number in range(1 if kind not in LONG else MANY // 2):
+    for number in range(1 if kind not in LONG else MANY // 4):
         case = drawn(kind, number)
         for side in (1e-3, -1e-3):
             tables = case.tables(side)
@@ -178,7 +179,7 @@ def numbers_of(tables: Tables, table: str, end: str) -> np.ndarray:
     return np.array([tables[table][name].get(end, 0.0) for name in ("mass", "damping", "stiffness")])
 
 
-@pytest.mark.parametrize("number", mostly_slow(range(3 * MANY), [0, 1, 2, 3]))
+@pytest.mark.parametrize("number", mostly_slow(range(3 * MANY), [0, 1]))
 def test_walls(number):
     """A proof holds by brute force and in time, a refutation names a place where the multiplier's condition fails."""
     tables, free = posed_with_walls(number)

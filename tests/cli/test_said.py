@@ -22,6 +22,9 @@ LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmas
 ENCODER = 'velocity = { from = "difference", resolution = 5e-6 }\n'
 
 
+pytestmark = pytest.mark.slow  # its designs with a region of walls take seconds
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """Designs with walls: one with a spring in its loop and an encoder, one with next to none; and a free one."""

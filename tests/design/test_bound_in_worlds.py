@@ -77,6 +77,7 @@ def check_bounds(name: str, designs: int, places: int, damping: float = 0.0) -> 
     return tight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 3.0])
 def test_no_feasible_design_is_below_the_bound_of_its_box(damping: float) -> None:
     assert check_bounds("world-tools", 5, 100, damping) > (0.6 if damping == 0 else 0.2)

@@ -186,8 +186,22 @@ criterion = "passive"
     [
         (LATE, (0.01203, 0.0), "", ("servo.delay", None), "hands"),
         (LATE, (0.002, 0.00203), "", ("servo.delay", None), "hands"),
-        (LATE, (0.01, 0.0), '[uncertainty]\n"servo.delay" = 0.21\n', ("servo.delay", None), "hands"),
-        (WIDE, (0.4, 2.0), "[uncertainty]\nmass = 0.13\ndamping = 0.57\n", ("mass", "damping"), "sensitivity"),
+        pytest.param(
+            LATE,
+            (0.01, 0.0),
+            '[uncertainty]\n"servo.delay" = 0.21\n',
+            ("servo.delay", None),
+            "hands",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            WIDE,
+            (0.4, 2.0),
+            "[uncertainty]\nmass = 0.13\ndamping = 0.57\n",
+            ("mass", "damping"),
+            "sensitivity",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_device_of_a_refutation_is_told_to_the_last_digit(tmp_path, text, stated, uncertain, keys, claim):
@@ -211,6 +225,7 @@ def told(folder, name, claim):
     return next(each for each in record["certificate"]["claims"] if each["id"] == claim)
 
 
+@pytest.mark.slow
 def test_the_division_of_a_latency_that_fails_is_told_with_its_bandwidth(tmp_path):
     text = LATE.format(0.01, 0.0).replace(", bandwidth_hz = 1e6", "")
     (tmp_path / "late.toml").write_text(text)

@@ -8,6 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 from command import run as vctune
+from conftest import mostly_slow
 from draws import servo
 from loop import Loop
 from loop import radius as stepped
@@ -55,7 +56,7 @@ def limit(tables, hands, rule, mass, drag):
     return high
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 25))])
+@pytest.mark.parametrize("seed", mostly_slow(range(25), []))
 def test_an_arm_with_a_tool_is_judged_as_it_steps(seed):
     """By Euler and by trapezoids, next to the limit of its own steps: proved above, refuted below."""
     rng = np.random.default_rng(seed)
@@ -88,6 +89,7 @@ def test_an_arm_before_every_passive_environment_is_solved():
     assert found.status == "certified"
 
 
+@pytest.mark.slow
 def test_the_law_stands_in_files_and_answers_in_its_own_words(tmp_path):
     (tmp_path / "arm.toml").write_text(toml_text(ARM | {"coupling": EULER}))
     (tmp_path / "plain.toml").write_text(toml_text(ARM))

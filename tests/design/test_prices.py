@@ -170,7 +170,7 @@ BEHIND = {
 }
 
 
-@pytest.mark.parametrize("behind", mostly_slow(BEHIND, ["any passive", "a box"]))
+@pytest.mark.parametrize("behind", mostly_slow(BEHIND, ["any passive"]))
 def test_each_end_of_a_hand_s_range_has_its_own_price(behind: str) -> None:
     """By the key that states it; the price of three ends is that of solving the problem with another end."""
     ends = {"mass": (0.5, 2.0), "damping": (3.0, 30.0), "stiffness": (100.0, 1000.0)}

@@ -184,7 +184,7 @@ CAUSES = QUICK | dict(infeasible_texts(20)) | THEOREMS
 CAUSES |= {name: (ROOT / f"problems/{name}.toml").read_text() for name in ("infeasible", "extremes/unstable-bounds")}
 
 
-@pytest.mark.parametrize("name", mostly_slow(CAUSES, ["gains too high"]))
+@pytest.mark.parametrize("name", mostly_slow(CAUSES, []))
 def test_each_repair_suffices(name):
     each_repair_suffices(CAUSES[name])
 

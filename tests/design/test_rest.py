@@ -48,6 +48,7 @@ def rest_of(wall: Rubbing, **stability: object) -> dict[str, object]:
 PADDLE = Rubbing(0.05, 0.3, T, 285.0, 0.06, 2e-5, 0.003)
 
 
+@pytest.mark.slow
 def test_whether_it_rests_is_exact_in_the_decimals_of_the_file():
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -179,6 +180,7 @@ def impulse_sums(problem: vctune.Problem, gains: Gains, coupling: Coupling) -> t
     return float(np.abs(np.diff(found[:, 0])).sum() / T), float(np.abs(found[:, 6]).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["kick", "hold"])
 @pytest.mark.parametrize("share", [0.2, 1.5])
 def test_a_kick_and_a_hold_are_simulated_as_stepped(kind, share):

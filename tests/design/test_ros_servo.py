@@ -124,7 +124,8 @@ def test_the_step_of_the_controller_is_what_is_proved(tmp_path):
             assert met + law == pytest.approx(asked(arm, hand, rule, theta), rel=1e-7)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
 def test_the_lightest_arm_is_what_its_hands_permit(seed):
     """Stepped, its loop is stable in every hand, with 3 % less in some hand not; what else is stable is felt more."""
     rng = np.random.default_rng(seed)
@@ -184,6 +185,7 @@ def six(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
     """Of its mass and drag, and as stiff as a file may say that the controller is."""
     for name, text in (
@@ -299,7 +301,8 @@ def random_matrix(rng, n, most):
     return axes @ np.diag(most * np.where(rng.uniform(size=n) < 0.6, np.round(shares), shares)) @ axes.T
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 12))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
 def test_a_hand_at_an_angle_to_the_axes_is_covered_where_it_is_said(seed, tmp_path):
     """Alike laws next to their limit are stable in matrices without common axes; unlike ones where it is claimed."""
     rng = np.random.default_rng((5, seed))

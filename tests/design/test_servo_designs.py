@@ -226,6 +226,7 @@ def solved_late(samples: float, more: str) -> Any:
     return solve(problem(late(samples, more), ""))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", ["", pytest.param("order = 2\n", marks=pytest.mark.slow)])
 def test_a_latency_of_whole_samples_costs_about_what_its_neighbours_cost(more: str) -> None:
     solved = [solved_late(samples, more) for samples in (4.0, 4.4)]
@@ -234,6 +235,7 @@ def test_a_latency_of_whole_samples_costs_about_what_its_neighbours_cost(more: s
     assert max(errors) < 1.2 * min(errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", ["", pytest.param("order = 2\n", marks=pytest.mark.slow)])
 def test_a_latency_without_a_bandwidth_is_proved_for_each_division(more: str) -> None:
     """The worst division lies within 5 % of the limit: a smaller coupling fails one of them."""

@@ -289,7 +289,7 @@ BASINS: dict[str, tuple[dict[str, Any], float]] = {
 """Own loops before one exact environment, with the error of the certified design before any wider box or none."""
 
 
-@pytest.mark.parametrize("name", mostly_slow(BASINS, ["a loop at its limit"]))
+@pytest.mark.parametrize("name", mostly_slow(BASINS, []))
 def test_one_exact_environment_costs_no_more_than_a_wider_box(name: str) -> None:
     tables, wider = BASINS[name]
     solved = solve(tables)

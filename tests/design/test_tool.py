@@ -59,6 +59,7 @@ def checked(tmp_path, *, problem=ARM, **values):
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_ros_file_states_its_tool(tmp_path):
     """49 N are 5 kg: refuted, with the weight that passes, which does."""
     code, text = checked(tmp_path, force=49.0)
@@ -118,6 +119,7 @@ def test_the_lightest_arm_with_a_tool_is_what_its_hands_permit(seed):
     assert stable(1.0) and not stable(0.97)
 
 
+@pytest.mark.slow
 def test_an_answer_about_an_arm_tells_its_latency_its_contact_and_its_first_step(tmp_path):
     """With nothing behind it too: the stiffest contact is proved, and with 1 % more it is not."""
     (tmp_path / "arm.toml").write_text(toml_text(ARM | {"coupling": {"rule": "euler", "mass": 6.0, "drag": 150.0}}))

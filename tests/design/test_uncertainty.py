@@ -21,6 +21,7 @@ from random_problems import corners, on_devices, random_devices
 from vctune.design.bound.search import bound
 from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
+from vctune.design.search import optimum
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
@@ -295,3 +296,27 @@ def test_an_uncertain_delay_of_the_force_sensor_has_at_most_200_samples(share: f
             parse_problem(text, "late", "late")
     else:
         assert dict(parse_problem(text, "late", "late").uncertainty.half_widths)["force_sensor.delay"] == share
+
+
+LATE = """[device]
+mass = 1.092
+damping = 2.952
+sample_time = 2e-3
+delay = 9.113e-3
+[stability]
+criterion = "passive"
+[uncertainty]
+mass = 0.2484
+"""
+
+
+def test_an_idle_design_is_passed_over_only_for_a_proved_one_that_moves(monkeypatch):
+    """If its proof takes long; where no start uses the velocity loop, the proof goes on as long as it takes."""
+    idle = solve(parse_problem(LATE, "late", "late")).judgement
+    assert idle.idle
+    monkeypatch.setattr(optimum, "IDLE_BOXES", 100)
+    moving = solve(parse_problem(LATE, "late", "late")).judgement
+    assert moving.status is Status.CERTIFIED and not moving.idle
+    assert idle.error < moving.error < optimum.WORTH_INSTEAD * idle.error
+    slow = solve(parse_problem(LATE + "[gains]\nvelocity = { min = 0.0, max = 1.0 }\n", "slow", "slow")).judgement
+    assert slow.idle and slow.certificate.boxes > 100

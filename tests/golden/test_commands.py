@@ -84,6 +84,7 @@ DISC = "[uncertainty]\nunmodelled = [[60.0, 0.01], [100.0, 2.0]]\n"
 """Above the band so great that it is missed by a loop whose other demands are easily met."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -111,6 +112,7 @@ def test_every_repair_passes(tmp_path, text):
         assert vctune.solve(changed).status == "certified", repair
 
 
+@pytest.mark.slow
 def test_the_delay_of_a_log_is_from_the_command_to_the_motion(tmp_path):
     """3 ms of delay and 2 ms of lag between the command and the force, both logged; the mass is .8 kg."""
     T, fine, count = 1e-3, 20, 8000

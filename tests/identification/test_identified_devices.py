@@ -18,7 +18,7 @@ from vctune.identification.box import joint_factor
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, MovingHand
 
-FEW, MANY = (pytest.param(1, marks=pytest.mark.slow), 2), range(drawn(60))
+FEW, MANY = (1, 2), range(drawn(60))
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ def designed_for_the_box(seed, folder) -> bool:
     return check(posed, solved.judgement.gains, solved.judgement.coupling).result is CheckVerdict.PASSED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", FEW)
 def test_a_simulated_device_is_in_its_box(seed, tmp_path):
     found = trial(seed, tmp_path)
@@ -140,6 +141,7 @@ def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_pa
     assert np.mean(passed) >= 0.95
 
 
+@pytest.mark.slow
 def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
     """Hand and motor push at once; the force is sensed late and with noise."""
     random, T, n = np.random.default_rng(1), 1e-3, 12000
@@ -165,6 +167,7 @@ def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
     assert found.record.force_noise == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.slow
 def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
     random, T, n = np.random.default_rng(2), 1e-3, 8000
     hand = MovingHand("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
@@ -184,6 +187,7 @@ def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
     assert (delay.low, delay.high) == pytest.approx((1e-4, 5e-4))
 
 
+@pytest.mark.slow
 def test_a_structure_that_overflows_in_a_fit_is_dropped(tmp_path):
     """The fit of two masses runs away to a resonance in the megahertz, whose motion over a sample overflows."""
     samples, T, mass, damping = 2000, 1e-3, 0.4, 2.0
@@ -202,6 +206,7 @@ def test_a_structure_that_overflows_in_a_fit_is_dropped(tmp_path):
     assert identify(path).file.problem.device.mass == pytest.approx(mass, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_velocity_that_was_read_is_enough(friction, tmp_path):
     """Of a mass with friction, stepped finely; the stamps jitter by 0.3 rows around 1 kHz."""

@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 from command import peak_memory, run
-from conftest import mostly_slow
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
 from vctune import check, identify, solve
@@ -63,6 +62,7 @@ def coded(said, code):
     return [line for line in said if line.endswith(f"[{code}]")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "source", "assumed"),
     [
@@ -87,6 +87,7 @@ def test_what_is_known_must_be_possible_at_the_sample_time(moved, tmp_path):
         identified(moved, tmp_path, "[device]\ndelay = 0.5\n")
 
 
+@pytest.mark.slow
 def test_much_that_is_left_is_a_warning_in_the_terminal_and_in_the_file(moved, tmp_path):
     time = moved["time_s"]
     Log(moved | {"command_N": moved["command_N"] + 0.6 * np.sin(5.0 * time)}, "").write(tmp_path)
@@ -96,6 +97,7 @@ def test_much_that_is_left_is_a_warning_in_the_terminal_and_in_the_file(moved, t
     assert "\n# warning: log.csv: " in (tmp_path / "results/log/device.toml").read_text()
 
 
+@pytest.mark.slow
 def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
     """Between two columns that are one there is no lag: none is in the file, where its bandwidth would be refused."""
     found = identified(repeated | {"force_N": repeated["command_N"]}, tmp_path)
@@ -103,7 +105,8 @@ def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
     assert found.file.problem.device.actuator is None
 
 
-@pytest.mark.parametrize("seed", mostly_slow(range(200), [2]))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
 def test_an_identified_file_is_accepted(seed, tmp_path):
     """The log may be refused; what is written is not, whatever the log is like."""
     try:
@@ -114,6 +117,7 @@ def test_an_identified_file_is_accepted(seed, tmp_path):
         assert found.file.problem.name == "log"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample_time", [2e-6, 0.04])
 def test_a_very_fast_or_slow_log_gives_an_experiment_that_is_accepted(moved, sample_time, tmp_path):
     slower, weaker = sample_time / T, min(1.0, 2 * T / sample_time**2 * 1e-3)
@@ -178,6 +182,7 @@ def test_what_is_solved_for_a_differenced_velocity_passes_its_check(held):
     assert checked.result is CheckVerdict.PASSED
 
 
+@pytest.mark.slow
 def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
     """A force of the position that is no spring, as of a pendulum that turns over, pulls the mass out of its box."""
     pull = moved["command_N"].std() * np.sin(moved["position_m"] / moved["position_m"].std() * 3.0)
@@ -186,6 +191,7 @@ def test_a_force_that_no_noise_explains_is_refused(moved, tmp_path):
     assert done.returncode == 2 and "[log-unexplained]" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("display", "code"), [("admittance", 2), ("impedance", 0)])
 def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(moved, tmp_path, display, code):
     """The motor's force of another log pushes the device on a spring, which is a hand that nothing senses."""
@@ -200,6 +206,7 @@ def test_a_spring_is_refused_unless_it_acts_as_a_hand_does(moved, tmp_path, disp
         assert found.device.display == "impedance" and found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_log_slower_than_its_loop_holds_the_delay_within_a_row(moved, repeated, tmp_path):
     """Every third row: the command that the fit holds from row to row is older than the one that moved the device."""
     sparse = {name: values[::3] for name, values in moved.items()}
@@ -211,6 +218,7 @@ def test_a_log_slower_than_its_loop_holds_the_delay_within_a_row(moved, repeated
         identified({name: values[::3] for name, values in repeated.items()}, tmp_path, f"sample_time = {T}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "lag_in_delay"),
     [("", True), ("[device]\ndelay = 7e-4\n", False), ("[device.actuator]\nbandwidth_hz = 200.0\n", False)],
@@ -221,12 +229,14 @@ def test_a_motion_shows_no_high_frequency_nor_what_of_a_delay_is_a_lag(told, tex
     assert bool(coded(remarks, "remark-slow-motion")) != bool(coded(remarks, "remark-highest-line"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "weak"), [(0.51, True), (0.49, False)])
 def test_a_delay_is_weak_if_its_interval_is_wider_than_its_middle(told, share, weak):
     text = f"[device]\ndelay = 7e-4\ndelay_uncertainty = {share * 7e-4}\n"
     assert bool(coded(told(text).record.remarks, "remark-weak-delay")) == weak
 
 
+@pytest.mark.slow
 def test_a_multisine_shows_nothing_above_its_highest_line(held):
     (line,) = coded(held.record.remarks, "remark-highest-line")
     (highest,) = re.findall(r"above (\S+) Hz", line)

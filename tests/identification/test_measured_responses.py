@@ -68,6 +68,7 @@ def test_a_mechanism_is_in_its_box(parts, tmp_path):
     assert len(record.numbers) == len(truth) + ("handle" in parts)  # and its damping ratio
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("response", "servo", "message"),
     [

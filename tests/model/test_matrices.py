@@ -93,7 +93,7 @@ def test_half_coth_in_every_arithmetic(norm):
 @pytest.mark.parametrize("norm", [0.1, 0.99, 1.01, 2.01, 3.99, 4.01, 27.0])
 def test_the_change_of_states_in_every_arithmetic(norm):
     """(e^A - 1) x: doubles are near, balls and enclosures contain, also if a number of A fills an interval."""
-    for number in range(8):
+    for number in range(3):
         rng = np.random.default_rng((52, number))
         A = random_matrix(rng, norm)
         x = [float(each) for each in rng.normal(size=len(A) - 1)]

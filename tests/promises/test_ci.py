@@ -105,10 +105,12 @@ def check_the_gate(repository, path, *, install):
     assert "::error file=gains.toml,line=2," in done.stdout
 
 
+@pytest.mark.slow
 def test_the_workflow_checks(repository):
     check_the_gate(repository, Path(sys.executable).parent, install=False)
 
 
+@pytest.mark.slow
 def test_the_workflow_guards_the_region(repository):
     """A demand that the gains still meet but part of the region does not."""
     (repository / "device.toml").write_text(for_passive_hands(DEVICE + "[stability]\nmax_sensitivity = 1.8\n"))

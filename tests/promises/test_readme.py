@@ -32,6 +32,7 @@ def printed(block: str, folder: Path) -> list[str]:
     return lines
 
 
+@pytest.mark.slow
 def test_console_sessions(tmp_path):
     """Words equal, numbers to 0.1 %; counts of boxes, which depend on the last digits, to a tenth."""
     shutil.copytree(ROOT / "problems", tmp_path / "problems")

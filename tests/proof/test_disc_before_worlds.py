@@ -58,7 +58,8 @@ def greatest_failing(device, most, disc, tau):
     return top
 
 
-@pytest.mark.parametrize("seed", [0, 14, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 25) if k != 14)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(25))
 def test_a_disc_before_nothing_is_decided_next_to_its_limit(seed):
     rng = np.random.default_rng((77, seed))
     device, most, disc = drawn(rng)
@@ -72,6 +73,7 @@ def test_a_disc_before_nothing_is_decided_next_to_its_limit(seed):
         assert check(stated | {"coupling": law}).result == verdict
 
 
+@pytest.mark.slow
 def test_with_a_safety_factor_every_share_of_the_coupling_holds():
     """What passes with the factor passes without it when the coupling is divided by any number up to it."""
     rng = np.random.default_rng(5)

@@ -46,7 +46,7 @@ def grows(device: dict[str, Any], b: float, k: float, hand: tuple[float, float, 
     return radius(Loop(device, (0.0, 0.0), (b, k), hand, (0.0, 0.0, 0.0) if measured else still)) > 1 + 1e-9
 
 
-@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["notch"]))
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, []))
 def test_no_wall_of_a_proved_cell_grows_in_any_hand(name):
     found = vctune.region({"device": DEVICES[name], "coupling": PLANE} | WALLS, resolution=1 / 16).region
     cells, rng = found.plane.cells(found.squares), np.random.default_rng(7)

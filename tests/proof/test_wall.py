@@ -65,6 +65,7 @@ def test_the_firmware_of_a_wall_promises_no_other_environment():
     assert not any("passive as" in text for text in files.values())
 
 
+@pytest.mark.slow
 def test_a_wall_of_given_stiffness_keeps_it_though_its_damping_is_rounded() -> None:
     """The most damping that this wall bears, to six digits, is more than it bears."""
     device = {

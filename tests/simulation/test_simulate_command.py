@@ -310,6 +310,7 @@ def test_a_wall_is_measured_in_contact():
 # the paper
 
 
+@pytest.mark.slow
 def test_the_papers_experiments_on_the_friction_wheel(tmp_path):
     """Section 5: non-overlap below 0.05 N, 2 % of 200 N/m, 3 % of 14 N s/m; better than the PID on the same device."""
     gains = ROOT / "tests/gains/friction-wheel.toml"

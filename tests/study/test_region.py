@@ -154,6 +154,7 @@ def test_cells_tile_the_plane_and_finer_ones_only_decide_more(name):
         assert sum(found(*PROBLEMS[name], levels).area(kind) for kind in Kind) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_swapped_axes_give_the_transpose():
     text = PROBLEMS["fixed coupling"][0]
     upright, swapped = painted(found(text, K_V, K_P, 6)), painted(found(text, K_P, K_V, 6))
@@ -162,6 +163,7 @@ def test_swapped_axes_give_the_transpose():
     assert len(set(upright[0].ravel())) == 3
 
 
+@pytest.mark.slow
 def test_the_low_frequency_limits_bound_the_region():
     """Hold lag (model/README.md, section 6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
     text = LAG + "[stability]\nband_hz = [0.001, 400.0]\nmax_sensitivity = 100.0\nsafety_factor = 1.0\n"

@@ -163,11 +163,13 @@ def _polish_starts(
 ) -> None:
     """Polish starts, and add the local optima to `optima`."""
     scaled, available = prepared.scaled, seconds_left()
-    for_proof = (1 - SEARCHING) * available if available < inf else 0.0
+    for_proof, known_idle = (1 - SEARCHING) * available if available < inf else 0.0, False
     for number, start in enumerate(scanned.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
-        if start.error > worth * least or hopeless:
+        # idle designs lie in one flat basin, whose best start was the first
+        idle = worth < inf and _idle(prepared, start.gains, start.coupling)
+        if start.error > worth * least or hopeless or (idle and known_idle):
             continue
         progress(f"polishing start {number} of {len(scanned.starts)}{_best_known(optima, prepared.units.error)}")
         with time_limit(seconds_left() - for_proof if optima else inf):
@@ -175,6 +177,7 @@ def _polish_starts(
             polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
+            known_idle |= idle
 
 
 def _idle(prepared: Prepared, gains: Gains, coupling: AnyCoupling) -> bool:
