@@ -185,7 +185,7 @@ criterion = "passive"
     ("text", "stated", "uncertain", "keys", "claim"),
     [
         (LATE, (0.01203, 0.0), "", ("servo.delay", None), "hands"),
-        (LATE, (0.002, 0.00203), "", ("servo.delay", None), "hands"),
+        pytest.param(LATE, (0.002, 0.00203), "", ("servo.delay", None), "hands", marks=pytest.mark.slow),
         pytest.param(
             LATE,
             (0.01, 0.0),

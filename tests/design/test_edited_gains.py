@@ -92,6 +92,7 @@ def test_of_two_edits_the_one_that_matters_is_named(wheel):
     assert checked.line == line_of(wheel, "gains.velocity")
 
 
+@pytest.mark.slow
 def test_what_a_file_says_that_it_was_is_believed_of_its_own_problem_only(wheel):
     """Numbers of another version, or that are none, are not named."""
     text, numbers = (wheel / "gains.toml").read_text(), numbers_of(wheel)
@@ -117,6 +118,7 @@ def test_a_number_that_the_file_does_not_state_is_annotated_at_its_table(tmp_pat
     assert (checked.finding.repairs[0].key, checked.line) == ("coupling.drag", 9)
 
 
+@pytest.mark.slow
 def test_solving_given_gains_says_the_same_as_checking_them(tmp_path):
     text = for_passive_hands(
         DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 80.0\nmass = 0.37\n"

@@ -35,7 +35,7 @@ def test_an_answer_in_another_basin_than_its_start_is_sent_back():
     assert judgement.error <= global_search(problem, 1, runs=1)[0] * (1 + WORSE)
 
 
-@pytest.mark.parametrize("seed", mostly_slow(range(500), [2]))
+@pytest.mark.parametrize("seed", mostly_slow(range(500), []))
 def test_nothing_better_is_found(seed):
     problem = parse_problem(random_text(seed), "random.toml", "random")
     error, _ = global_search(problem, seed, runs=2)

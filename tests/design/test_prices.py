@@ -88,7 +88,7 @@ SOLVED_AGAIN = {
 in hands, where a few of them stand for all, half as much again."""
 
 
-@pytest.mark.parametrize("name", mostly_slow(SOLVED_AGAIN, ["friction-wheel", "paddle", "weighted"]))
+@pytest.mark.parametrize("name", mostly_slow(SOLVED_AGAIN, ["friction-wheel"]))
 def test_prices_are_those_of_solving_again(name):
     text, tolerance = SOLVED_AGAIN[name]
     problem = parse_problem(text, "x", "x")
@@ -142,6 +142,7 @@ def test_less_delay_than_whole_samples_is_worth_nothing():
     assert less == pytest.approx(here, rel=1e-5) and more > 1.005 * here
 
 
+@pytest.mark.slow
 def test_they_are_in_the_file_where_there_is_a_report(tmp_path):
     (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     folder = tmp_path / "results/device"

@@ -123,6 +123,7 @@ def test_no_handle_moves_more_than_the_bound_and_settled_ones_rest(draw):
     assert sum(settled) > 0
 
 
+@pytest.mark.slow
 def test_a_problem_that_demands_rest_has_the_stiffest_coupling_that_rests():
     problem = stated(replace(PADDLE, f=0.0025), rest=True)
     free = problem | {"coupling": {"damping": 0.06}}

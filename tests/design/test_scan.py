@@ -62,6 +62,7 @@ def test_devices_that_a_search_gave_up_on(number, status):
         assert ratio_minima(problem, solved.judgement.gains, solved.judgement.coupling).value[0] >= factor * (1 - 1e-9)
 
 
+@pytest.mark.slow
 def test_a_design_below_a_gain_limit_that_no_coupling_can_have():
     """The greatest feasible K_v needs more than any coupling gives, a lower one does not."""
     problem = up_to_a_tenth_of_the_sampling_rate(148)

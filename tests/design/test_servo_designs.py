@@ -127,6 +127,7 @@ def test_own_numbers_of_a_device_are_refused_with_the_reason(key):
     assert f"device.{key.split()[0]}: means nothing with [device.servo]" in line
 
 
+@pytest.mark.slow
 def test_an_uncertain_servo_is_designed_for_its_whole_box():
     more = '[uncertainty]\n"servo.delay" = 0.1\n"servo.bandwidth_hz" = 0.1\n'
     sure, unsure = (solve(tables) for tables in (_tables(), {**_tables(), "uncertainty": _uncertain(more)}))

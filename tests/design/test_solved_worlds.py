@@ -150,6 +150,7 @@ def fixed(name: str, share: float, folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> None:
     """The message has the box; the record has it, and the environment that binds."""
     path = fixed("world-tools", 1.05, tmp_path)
@@ -165,6 +166,7 @@ def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> No
     assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
 
 
+@pytest.mark.slow
 def test_check_says_which_spring_and_which_tool_are_proved_beyond_the_box(tmp_path: Path) -> None:
     """As the box of a problem they pass; half as much again does not."""
     path = fixed("world-tools", 1.2, tmp_path)

@@ -166,6 +166,7 @@ def test_check_names_the_claims_that_it_had_no_time_for(folder, ticks):
     assert 4 in cut and 0 not in cut
 
 
+@pytest.mark.slow
 def test_what_is_refuted_in_time_stays_refuted(folder, ticks):
     (folder / "poor.toml").write_text(PASSIVE + GAINS.replace("damping = 160.0", "damping = 80.0"))
     whole = asked(folder, "check", "poor.toml")
@@ -175,6 +176,7 @@ def test_what_is_refuted_in_time_stays_refuted(folder, ticks):
     assert "each changed alone" not in done.stdout
 
 
+@pytest.mark.slow
 def test_a_region_holds_the_cells_that_were_decided(folder, ticks):
     whole = asked(folder, "region", "device.toml", "--resolution", 0.125)
     complete = json.loads((folder / "results/device/region.json").read_text())
@@ -377,6 +379,7 @@ def test_a_mistake_of_units_has_an_answer(change, monkeypatch):
 POOR = GAINS.replace("damping = 160.0", "damping = 80.0")
 
 
+@pytest.mark.slow
 def test_repairs_that_a_limit_cut_are_not_called_complete(folder, ticks, monkeypatch) -> None:
     """None that was found, or some of all, with a warning; never that there are none."""
     (folder / "poor.toml").write_text(PASSIVE + POOR.replace("0.37", "1e-4"))

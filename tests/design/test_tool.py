@@ -87,6 +87,7 @@ def test_the_tool_of_a_problem_and_of_its_file_agree(tmp_path):
     assert code == ExitCode.BAD_INPUT and "weight of the tool" in text
 
 
+@pytest.mark.slow
 def test_a_tool_turns_about_the_axes_of_its_frame(tmp_path):
     """As a point .1 m along z: .01 kg m2 for each kg about y; about any axis up to that if the frame is another."""
     turning = {"device": ARM["device"] | {"units": "rotary"}, "environment": ARM["environment"]}

@@ -150,6 +150,7 @@ def test_operator_uncertainty_and_drag_combine():
     assert not failing(seen, numbers(found.judgement), devices).any()
 
 
+@pytest.mark.slow
 def test_a_delay_may_cross_whole_samples():
     """K_v is stable up to a delay between 2 and 3 samples: the box is proved below and refuted above."""
     base = (
@@ -212,6 +213,7 @@ def files(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_solve_check_and_report_tell_of_it(files):
     done = run("solve", "wheel.toml", cwd=files)
     assert done.returncode == 0, done.stderr
@@ -264,6 +266,7 @@ def test_bands_to_the_ends_of_the_axis():
         assert conditions_surplus(far, on_devices(far, numbers(found.judgement), devices)).min() >= -1e-6
 
 
+@pytest.mark.slow
 def test_the_peak_of_many_uncertain_numbers_is_that_of_the_loudest_vertex():
     """All 32 devices at the vertices of five numbers, of which the search tries ten."""
     text = (

@@ -54,6 +54,9 @@ EDITS = {
 UNSEEN = {"certificate.min_ratio": lambda old: 2 * old, "date": lambda old: "x"}
 
 
+pytestmark = pytest.mark.slow  # six designs with their pages
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A folder for each device, with its problem and the record that solving it wrote."""
@@ -110,6 +113,7 @@ def test_an_edited_design_is_refused_with_the_key_that_contradicts(made, device)
     assert tried >= (13 if device != "infeasible" else 6)
 
 
+@pytest.mark.slow
 def test_a_design_is_read_without_a_digest_and_as_other_programs_write_it(made):
     path = made["admittance"] / "results/edited/design.json"
     text = path.read_text()

@@ -38,6 +38,7 @@ WEAK = WHEEL + "[gains]\nvelocity = { min = 1.0, max = 2.0 }\nposition = 5000.0\
 FEW = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "status"), [(WEAK, "infeasible"), (WEAK + FEW, "undecided")])
 def test_a_problem_without_a_design_is_infeasible_only_where_that_is_proved(tmp_path, text, status):
     """Every box of designs is excluded before all environments; before some of them the bound is not looked for."""

@@ -100,6 +100,7 @@ def test_a_region_is_as_large_as_it_was():
         assert now[kind] >= then[kind] * (1 - WORSE)
 
 
+@pytest.mark.slow
 def test_a_simulation_measures_what_it_measured():
     then, now = GOLDEN["simulation"], simulation()
     assert now.keys() == then.keys() and now

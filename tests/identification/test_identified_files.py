@@ -134,6 +134,7 @@ def estimates(**values):
     return [Estimate(key.replace("handle", "structure.handle_"), *each, "log") for key, each in values.items()]
 
 
+@pytest.mark.slow
 def test_a_handle_is_lighter_than_its_device(told):
     recording = told("").found.studies[0].recording
     bounds = box(estimates(mass=(0.1, 1e-4), handlemass=(0.09, 0.005), delay=(T, 1e-5)), T)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import run
-from conftest import drawn
+from conftest import drawn, mostly_slow
 from jsonschema import Draft202012Validator
 from servo_logs import moved, robot_case, servo_case
 
@@ -115,6 +115,7 @@ def test_robots_whose_columns_are_rounded_are_in_their_boxes(tmp_path):
     assert len(causes) <= 0.2 * drawn(60) and all("is rounded to" in each for each in causes)
 
 
+@pytest.mark.slow
 def test_a_design_for_the_box_is_certified_for_the_truth(tmp_path):
     slow = SERVO | {"T": 8e-3, "late": 1.0, "order": 2, "bandwidth": 1.4}
     assert certified_for_the_truth(servo_case(0, n=1500, **slow), tmp_path)
@@ -166,6 +167,7 @@ def test_steps_of_the_clock_may_jitter(tmp_path):
         assert found.bounded(key).low <= truth <= found.bounded(key).high
 
 
+@pytest.mark.slow
 def test_a_servo_that_yields_is_outside_the_model(tmp_path):
     case, random = servo_case(4, n=1200, **SERVO), np.random.default_rng(4)
     force = 10 * np.convolve(random.normal(size=1200), np.ones(40) / 40, "same")
@@ -284,7 +286,7 @@ def told(position, command):
     return "time_s,position_m,position_command_m\n" + "\n".join(rows) + "\n"
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", mostly_slow(range(6), [0]))
 def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_numpy(tmp_path, number):
     """Moved before the command, long after it, at its end, by another command, or ahead of it."""
     rng, n = np.random.default_rng(number), 600
@@ -307,6 +309,7 @@ def test_a_log_whose_command_is_not_of_its_motion_is_refused_without_a_word_of_n
     assert "Warning" not in done.stderr and "Error" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_slow_motion_ahead_of_its_command_is_refused_although_a_lag_and_a_delay_are_alike_in_it(tmp_path):
     """A low-pass and a more negative delay explain it as well; their sum, the latency, is negative in any case."""
     time = 0.008 * np.arange(700)

@@ -58,6 +58,7 @@ def test_a_servo_is_in_its_box(order, decibels, tmp_path):
     assert 0.01 < max(radius for _, radius in found.record.unmodelled) < 0.05  # three deviations of the noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parts", [{}, {"lag": 3e-3}, {"handle": 0.4}])
 def test_a_mechanism_is_in_its_box(parts, tmp_path):
     record = identify(*written(tmp_path, noisy(mechanism(**parts)))).record

@@ -321,6 +321,7 @@ def test_a_comparison_shows_what_differs(solved, wheel):
     assert json.loads(json.dumps(found.to_json(), allow_nan=False))["problem"] == found.problem
 
 
+@pytest.mark.slow
 def test_displays_of_either_kind_compare():
     """What one of them has not is None."""
     spring = {

@@ -81,6 +81,7 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
+@pytest.mark.slow
 def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     (tmp_path / "report").mkdir()
     (tmp_path / "report/mine.png").write_text("not vctune's")
@@ -89,6 +90,7 @@ def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png", "llewellyn.svg"}
 
 
+@pytest.mark.slow
 def test_the_page_reviews_a_design(pages, tmp_path):
     """Ranges, the bound that is hit with its number, the parts of a latency, the digest and the command of a proof."""
     bounded = recorded(for_passive_hands(DEVICE + "[coupling]\nmass = { min = 1.5, max = 3.0 }\n"), prices=True)

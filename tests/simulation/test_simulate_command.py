@@ -174,6 +174,7 @@ def test_infeasible_and_unstable_fail(tmp_path):
     assert spring["metrics"] is None and spring["diverged_s"] > 0 and not spring["loop"]["stable"]
 
 
+@pytest.mark.slow
 def test_an_unstable_design_fails_although_a_short_motion_does_not_show_it(tmp_path: Path) -> None:
     """An environment six samples late makes the loop grow by half a per cent a sample: nothing diverges in a second."""
     late = '[[experiment]]\nname = "late"\nenvironment = { stiffness = 2000.0, late = 6 }\n'

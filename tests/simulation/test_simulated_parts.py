@@ -154,7 +154,7 @@ def test_linear_scene_is_the_exact_response_from_event_to_event(device, hand_mas
 
 
 @pytest.mark.parametrize("name", mostly_slow(DEVICES, ["everything"]))
-@pytest.mark.parametrize("hand_mass", [0.0, 0.05])
+@pytest.mark.parametrize("hand_mass", mostly_slow([0.0, 0.05], [0.05]))
 def test_friction_is_that_of_a_stiff_solver(name, hand_mass, monkeypatch):
     """LSODA at 1e-10 between events; the default steps and four times as many."""
     scene = scene_of(DEVICES[name], operator=replace(HAND, mass=hand_mass), friction=LUGRE)

@@ -37,6 +37,7 @@ def record_of(folder):
     return strict((folder / "results/device/region.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}

@@ -193,6 +193,7 @@ def test_without_position_the_coupling_needs_inertia():
     assert 0.3 < cells.area(Kind.FEASIBLE) < 0.6 and cells.area(Kind.UNDECIDED) < 0.05
 
 
+@pytest.mark.slow
 def test_the_velocity_loop_alone_is_stable_up_to_a_gain():
     """z = a - K_v (1 - a)/b on the line K_p = 0, the only limit when |S| hardly is one."""
     text = (
@@ -208,7 +209,7 @@ def test_the_velocity_loop_alone_is_stable_up_to_a_gain():
     assert (cells.kinds[x[cells.squares[0]] > limit] == Kind.INFEASIBLE).all()
 
 
-@pytest.mark.parametrize("name", mostly_slow(["friction-wheel", "late"], ["friction-wheel"]))
+@pytest.mark.parametrize("name", mostly_slow(["friction-wheel", "late"], []))
 def test_witnesses_are_certified_by_arb(name):
     text, x, y = PROBLEMS[name]
     problem, cells = posed(text), found(text, x, y, 6)

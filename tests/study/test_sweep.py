@@ -196,6 +196,7 @@ def test_dask_makes_the_same_bits_though_a_worker_is_killed(tmp_path, reference)
     assert (file.parent / "table.csv").read_text() == table
 
 
+@pytest.mark.slow
 def test_a_local_dask_cluster(tmp_path):
     table = swept(write_study(tmp_path, FEW, FIXED), tmp_path, jobs=1, executor="dask")
     assert table.status.count("invalid") == 3 and len(table.status) == 6
