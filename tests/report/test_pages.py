@@ -21,6 +21,7 @@ CASES = {
     "infeasible": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n",
     "default": DEVICE,
     "servo": SERVO,
+    "at a bound": DEVICE + "[gains]\nposition = { min = 3000.0, max = 1e5 }\n",
 }
 PRICED = "every hand, held", "default"
 MARGIN, TOP, WIDTH, HEIGHT = 14 * 72 / 25.4, 19 * 72 / 25.4, 595.0, 842.0
@@ -103,13 +104,18 @@ def test_an_identification_is_read_on_a_desk_and_on_a_telephone(browser, identif
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-@pytest.mark.parametrize("name", mostly_slow(("default", "every part", "servo"), ["servo"]))
+@pytest.mark.parametrize("name", mostly_slow(("default", "every part", "servo", "at a bound"), ["servo"]))
 def test_the_first_screen_answers(browser, paths, name):
-    """Verdict, warnings, gains, error and limits end above the fold; a wide screen shows them side by side."""
+    """Verdict, warnings, gains, error and limits end above the fold; a wide screen shows them side by side, none over
+    another."""
     page = opened(browser, paths(name), viewport={"width": 1280, "height": 800})
     shown = [box for each in FIRST if (found := page.query_selector(each)) and (box := found.bounding_box())]
     assert len(shown) >= 3
     assert max(box["y"] + box["height"] for box in shown) <= 800
+    assert page.evaluate(
+        "[...document.querySelectorAll('.head table')].every(each => each.getBoundingClientRect().right <="
+        " each.closest('section').getBoundingClientRect().right + 20)"
+    )
     warned = page.query_selector(".warnings")
     if warned is not None:
         beside, verdict = warned.bounding_box(), page.query_selector(".verdict").bounding_box()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, pi
+from math import ceil, inf, pi
 from typing import Any
 
 from matplotlib import rc_context
@@ -17,7 +17,7 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
 from vctune.report.curves import Required, requirements
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
-from vctune.report.style import BLUE, GREY, RED, STYLE, WIDTH, in_place, legend_above, quantity, shade
+from vctune.report.style import BLUE, GREY, RED, STYLE, WIDTH, in_place, legend_above, place, quantity, shade
 from vctune.report.tables import margins_in_words, peak_in_words
 from vctune.report.templates import Shown, words
 
@@ -65,12 +65,12 @@ def _stamp(figure: Figure, words: str) -> None:
 
 def _requirement(design: DrawnDesign, record: DesignRecord, drawn: Required) -> Shown:
     hands, figure = drawn.claim == "hands", Figure(figsize=(WIDTH, 5.0))
-    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2), sharex=True)
+    upper, lower = figure.subplots(2, 1, sharex=True)
     draw_required(upper, *design, drawn)
     draw_ratio(lower, *design, drawn)
     upper.set_xlabel("")
-    legend_above(upper, 1 if hands else 2)  # hands in words are long
-    legend_above(lower, 2)
+    rows = [legend_above(upper, 1 if hands else 2), legend_above(lower, 2)]  # hands in words are long
+    place(figure, [[upper], [lower]], (3, 2), rows)
     title = f"Coupling against the requirement of {'the worst hand' if hands else 'any passive hand'}"
     where = in_place(drawn.min_ratio, drawn.worst_hz) + (f", in the hand of {drawn.where}" if drawn.where else "")
     finding = "" if drawn.min_ratio is None else f"The ratio is least {where}."
@@ -90,7 +90,8 @@ def _impedance(design: DrawnDesign, record: DesignRecord) -> Shown:
     else:
         shade(axes, problem.stability.band if problem.passive else band, RED, "required, not proved", "//")
     shade(axes, problem.transparency.band, BLUE, "transparency band")
-    legend_above(axes, 3 if problem.device.units == "linear" else 2)  # units of torque are long
+    rows = legend_above(axes, 3 if problem.device.units == "linear" else 2)  # units of torque are long
+    place(figure, [[axes]], [1], [rows])
     here = feel(problem.device, *design[1:])
     finding = f"In free motion the handle feels like {_felt(here.mass[0], units)} at {FREE_HZ[0]:g} Hz"
     if problem.worlds is not None and record.felt is not None and record.felt.mass_1hz is not None:
@@ -119,14 +120,16 @@ def _transparency(design: DrawnDesign, record: DesignRecord) -> Shown:
     titles |= {"error": "all that is counted" if terms.apart else "all together"} if len(titles) > 2 else {}
     rows = len(titles) // 2
     figure = Figure(figsize=(WIDTH, 0.9 + 1.7 * rows))
-    panels = figure.subplots(rows, 2, squeeze=False, sharex=True).flat
-    for place, (axes, (part, title)) in enumerate(zip(panels, titles.items(), strict=True)):
+    panels = figure.subplots(rows, 2, squeeze=False, sharex=True)
+    for number, (axes, (part, title)) in enumerate(zip(panels.flat, titles.items(), strict=True)):
         draw_error(axes, *design, part)
-        axes.set(title=title, ylabel="" if place % 2 else "share of the ideal")
-        if place < len(titles) - 2:
+        axes.set(title=title, ylabel="" if number % 2 else "share of the ideal")
+        if number < len(titles) - 2:
             axes.set_xlabel("")
     lines = dict(pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(lines.values(), lines.keys(), loc="outside upper center", ncols=2 if len(lines) > 3 else 3)
+    columns = 2 if len(lines) > 3 else 3
+    figure.legend(lines.values(), lines.keys(), loc="upper center", ncols=columns)
+    place(figure, panels.tolist(), [1] * rows, [1 + ceil(len(lines) / columns), *[1] * (rows - 1)])
     counted = [term for term in kind.terms if term not in (terms.apart or ())]
     size, most = max((getattr(terms, term) or 0.0, terms.labels[term]) for term in counted)
     shares = f"{quantity(size, digits=3)} of {quantity(terms.error, digits=3)}"
@@ -140,6 +143,6 @@ def _nyquist(design: DrawnDesign, record: DesignRecord) -> Shown:
     assert loop is not None, "a display with a loop of its own"
     axes = figure.subplots()
     draw_nyquist(axes, *design[:2])
-    legend_above(axes, 2)
+    place(figure, [[axes]], [1], [legend_above(axes, 2)])
     finding = "; ".join([f"|S| is greatest {peak_in_words(loop)}", *margins_in_words(loop)])
     return Shown("nyquist", "How far the velocity loop stays from -1", f"{finding}.", words("nyquist"), figure)

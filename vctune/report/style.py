@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
 from io import BytesIO, StringIO
-from math import floor, inf, isclose, isfinite, log10, pi
+from math import ceil, floor, inf, isclose, isfinite, log10, pi
 from typing import Any, NamedTuple, cast
 
 from matplotlib import rc_context
@@ -26,6 +26,9 @@ INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and gr
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
 PURPLE = "#8d5bc4"
 WIDTH = 4.2  # Width of a figure of a page, inches
+# Room beside a y axis with its label, of its ticks alone, beside the last tick of an x axis, below it, between rows
+# that share it, and of a title or a row of a legend, inches
+BESIDE, TICKS, END, BELOW, BETWEEN, ROW = 0.68, 0.48, 0.12, 0.42, 0.1, 0.17
 STYLE: Any = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 150,  # of what an SVG file shows as a bitmap
@@ -33,6 +36,7 @@ STYLE: Any = {
     "path.simplify_threshold": 0.25,
     "font.size": 9,
     "axes.titlesize": 8,
+    "axes.titley": 1.0,  # over nothing that has to be measured
     "legend.fontsize": 8,
     "lines.linewidth": 1.6,
     "hatch.linewidth": 0.6,
@@ -172,10 +176,27 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     logarithmic(axes, "x")
 
 
-def legend_above(axes: Axes, columns: int) -> None:
-    """Put the legend above the axes, where it covers no curve."""
+def legend_above(axes: Axes, columns: int) -> int:
+    """Put the legend above the axes, where it covers no curve, and return its number of rows."""
     close: dict[str, Any] = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.9, "handletextpad": 0.5}
     axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close)
+    return ceil(len(axes.get_legend_handles_labels()[1]) / columns)
+
+
+def place(figure: Figure, panels: Sequence[Sequence[Axes]], shares: Sequence[float], above: Sequence[int]) -> None:
+    """Place rows of axes with these shares of the height, each below so many rows of legends and titles. The rooms
+    are fixed, because a layout that measures each text takes longer than the drawing."""
+    figure.set_layout_engine("none")
+    columns, (width, height) = len(panels[0]), figure.get_size_inches()
+    rooms = [ROW * rows + 0.1 for rows in above]
+    wide = (width - BESIDE - END - (TICKS + END) * (columns - 1)) / columns
+    free, top = height - sum(rooms) - BELOW - BETWEEN * (len(panels) - 1), height
+    for row, share, room in zip(panels, shares, rooms, strict=True):
+        high, top = free * share / sum(shares), top - room
+        for column, axes in enumerate(row):
+            left = BESIDE + column * (wide + END + TICKS)
+            axes.set_position((left / width, (top - high) / height, wide / width, high / height))
+        top -= high + BETWEEN
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:
