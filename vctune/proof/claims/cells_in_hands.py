@@ -30,9 +30,11 @@ from vctune.proof.prover import Test, prove
 
 EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
 CELLS_AT_ONCE = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
-# Greatest K_p T^2/m, as a share of the width of the first interval of angles, for which the prover treats a cell
-# separately near theta = 0
-NEAR_REST = 0.1
+# Width of the first interval of angles, as a share of the band: with a wider one, the mass of the hand alone fills
+# most boxes of the proof near theta = 0
+FIRST = 1e-4
+# Greatest K_p T^2/m, as a share of the first interval, for which the prover treats a cell separately near theta = 0
+NEAR_REST = 1.0
 ROUNDING = 1e-9  # Allowance for the rounding of a share's limits, relative to them
 
 COUPLING_MASS = "coupling.mass"
@@ -91,7 +93,8 @@ def _stiffness_of(demands: Demands, theta: float) -> float:
 
 
 def _band() -> tuple[Floats, Floats]:
-    return band_of(0.0, HALF_TURN, BAND_RATIO)
+    low, high = band_of(FIRST * HALF_TURN, HALF_TURN, BAND_RATIO)
+    return np.append(0.0, low), np.append(low[:1], high)
 
 
 def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
