@@ -154,7 +154,7 @@ def test_on_a_telephone(browser, paths, name):
     assert min(heights, default=6.0) >= 6.0
 
 
-@pytest.mark.parametrize("name", mostly_slow(("default", "every hand, held", "servo"), ["default"]))
+@pytest.mark.parametrize("name", mostly_slow(("default", "every hand, held", "servo"), ["servo"]))
 def test_alternative_texts_say_the_findings(browser, paths, name):
     """The text of each picture is its title and the sentence below it, with its numbers."""
     page = opened(browser, paths(name))
