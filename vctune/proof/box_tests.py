@@ -14,10 +14,10 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.proof import halving
 from vctune.proof.boxes import FREQUENCY, Boxes, Integers, Values, in_chunks
-from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, selected
+from vctune.proof.enclosures.intervals import Enclosure, Floats, selected
 from vctune.proof.enclosures.taylor import Taylor, least_over_boxes, stacked, variables
 from vctune.proof.halving import Guide
-from vctune.proof.prover import Decided, Test, bounded, each_column, negative_at
+from vctune.proof.prover import Decided, Test, bounded, by_kind, each_column, negative_at
 from vctune.running import check_time
 
 # Functions of a frequency and of numbers by name
@@ -121,22 +121,7 @@ def beside_zero(near: Test, elsewhere: Test, rows: Sequence[str] = (FREQUENCY,))
 
     def decided(boxes: Boxes) -> Decided:
         begin = [boxes.low[boxes.names.index(name)] == 0 for name in rows]
-        return _by_kind(np.all(begin, axis=0), near, elsewhere, boxes)
-
-    return decided
-
-
-def narrowed(test: Test, narrow: Callable[[Boxes], Boxes]) -> Test:
-    """Return a test of boxes that are narrowed first. A box that then has low > high contains no point, so it is
-    proved."""
-
-    def empty(boxes: Boxes) -> Decided:
-        holds, rows = np.ones(len(boxes), bool), np.zeros_like(boxes.low)
-        return Decided(holds, ~holds, Guide(rows, rows, holds, np.full(len(boxes), np.inf)))
-
-    def decided(boxes: Boxes) -> Decided:
-        boxes = narrow(boxes)
-        return _by_kind(np.any(boxes.low > boxes.high, axis=0), empty, test, boxes)
+        return by_kind(np.all(begin, axis=0), near, elsewhere, boxes)
 
     return decided
 
@@ -163,16 +148,6 @@ def _one_of(found: Sequence[Decided]) -> Decided:
         return found[0]
     guide = Guide.nearest([each.guide for each in found])
     return Decided(np.any([each.proved for each in found], axis=0), np.zeros(len(guide.room), bool), guide)
-
-
-def _by_kind(kind: Flags, test: Test, other: Test, boxes: Boxes) -> Decided:
-    """Test the boxes of one kind by one test, and those of the other kind by another."""
-    if kind.all() or not kind.any():
-        return (test if kind.any() else other)(boxes)
-    some, rest = np.flatnonzero(kind), np.flatnonzero(~kind)
-    order = np.argsort(np.concatenate((some, rest)))
-    both = [test(boxes.subset(some)), other(boxes.subset(rest))]
-    return each_column(lambda columns: np.concatenate(columns, axis=-1)[..., order], both)
 
 
 def _part(found: Decided, at: Integers) -> Decided:

@@ -3,8 +3,9 @@
 A claim is about all points of some boxes: frequencies, hands, devices, gains. A test bounds the claim's margin over
 each box from below (`bounded`) and evaluates it at a point (`negative_at`), both with every rounding enclosed. Then
 
-- *proved*: a box leaves the list only with a bound above 0, or for halves that cover it. When the list is empty, the
-  margin is positive at every point of the first boxes;
+- *proved*: a box leaves the list only with a bound above 0, or because it contains no point of the claim (`narrowed`),
+  or for halves that cover it. When the list is empty, the margin is positive at every point of the first boxes. An
+  owner is unproved until then, and one without boxes for ever;
 - *refuted*: the margin is certainly negative at one point of a box;
 - everything else is undecided: a box that is left when the effort ends is never counted as proved.
 
@@ -72,6 +73,8 @@ def prove(
     """
     may = np.ones(len(boxes.names), bool) if halved is None else np.asarray(halved)
     failing, open_ = np.full((2, len(boxes.names), owners), np.nan)
+    unproved = boxes.count(owners) == 0
+    fails = np.zeros(owners, bool)
     count, total, covered = np.zeros(owners, np.intp), np.zeros(owners), float(len(boxes))
     for again in range(effort.max_halvings + 1):
         if not len(boxes):
@@ -80,20 +83,21 @@ def prove(
         count += boxes.count(owners)
         found = tested_in_chunks(test if later is None or count.sum() <= effort.easy else later, boxes)
         failing[:, boxes.owner[found.fails]] = found.guide.point[:, found.fails]
+        fails[boxes.owner[found.fails]] = True
         if measure is not None and found.proved.any():
             np.add.at(total, boxes.owner[found.proved], measure(boxes.subset(found.proved)))
-        hopeful = np.isnan(failing[0]) & (count < min(effort.max_boxes, most_boxes())) & (again < effort.max_halvings)
+        hopeful = ~fails & (count < min(effort.max_boxes, most_boxes())) & (again < effort.max_halvings)
         goes_on = ~found.proved & hopeful[boxes.owner] & halving.may_help(boxes, found.guide, may)
         stays = ~found.proved & ~goes_on
+        unproved[boxes.owner[stays]] = True
         open_[:, boxes.owner[stays]] = found.guide.point[:, stays]
         if only_whole:
-            goes_on &= np.isnan(open_[0, boxes.owner])
+            goes_on &= ~unproved[boxes.owner]
         kept = boxes = boxes.subset(goes_on)
         for row in halving.rows_to_halve(found.guide.cost[:, goes_on], may, effort.few):
             boxes = boxes.halved(row)
         covered *= len(boxes) / max(len(kept), 1)
-    proved = np.isnan(open_[0]) & np.isnan(failing[0])
-    return Proofs(boxes.names, proved, failing=failing, open=open_, boxes=count, total=total)
+    return Proofs(boxes.names, ~unproved & ~fails, failing=failing, open=open_, boxes=count, total=total)
 
 
 def bounded(number: Taylor, boxes: Boxes, *, alone: bool) -> Decided:
@@ -102,6 +106,34 @@ def bounded(number: Taylor, boxes: Boxes, *, alone: bool) -> Decided:
     guide = halving.guide_of(number, boxes, least, alone=alone)
     within = replace(guide, point=np.clip(guide.point, boxes.low, boxes.high))
     return Decided(least.bound > 0, np.zeros(len(boxes), bool), within)
+
+
+def narrowed(test: Test, narrow: Callable[[Boxes], tuple[Boxes, Flags]]) -> Test:
+    """Return the test of a claim about some points of the boxes.
+
+    `narrow` returns the boxes without some of the other points, and which of them contain no point of the claim; these
+    are proved.
+    """
+
+    def without_points(boxes: Boxes) -> Decided:
+        holds, rows = np.ones(len(boxes), bool), np.zeros_like(boxes.low)
+        return Decided(holds, ~holds, Guide(rows, rows, holds, np.full(len(boxes), np.inf)))
+
+    def decided(boxes: Boxes) -> Decided:
+        left, empty = narrow(boxes)
+        return by_kind(empty, without_points, test, left)
+
+    return decided
+
+
+def by_kind(kind: Flags, test: Test, other: Test, boxes: Boxes) -> Decided:
+    """Test the boxes of one kind by one test, and those of the other kind by another."""
+    if kind.all() or not kind.any():
+        return (test if kind.any() else other)(boxes)
+    some, rest = np.flatnonzero(kind), np.flatnonzero(~kind)
+    order = np.argsort(np.concatenate((some, rest)))
+    both = [test(boxes.subset(some)), other(boxes.subset(rest))]
+    return each_column(lambda columns: np.concatenate(columns, axis=-1)[..., order], both)
 
 
 def negative_at(numbers: Sequence[Taylor]) -> Flags:

@@ -13,7 +13,7 @@ import numpy as np
 from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
-from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, narrowed, positive, sufficient
+from vctune.proof.box_tests import Margin, beside_zero, either, misses_zero, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, Integers, band_of, first_boxes, joined, over_hands
 from vctune.proof.claims.cases import COUPLING_SHARE, over
 from vctune.proof.claims.loop_claims import BAND_RATIO
@@ -26,7 +26,7 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
-from vctune.proof.prover import Test, prove
+from vctune.proof.prover import Test, narrowed, prove
 
 EFFORT = Effort(max_halvings=80, max_boxes=30_000, few=0)
 CELLS_AT_ONCE = 128  # Number of cells that the prover treats together, so that their boxes fit into memory
@@ -159,8 +159,8 @@ def _with_shares(boxes: Boxes) -> Boxes:
     return first_boxes((*boxes.names, *RHO_SHARES), low, high, boxes.owner, boxes.whole_samples)
 
 
-def _with_possible_shares(demands: Demands, boxes: Boxes) -> Boxes:
-    """Return boxes narrowed to the shares that the theta, stiffness and K_p in them may have; low > high if none is."""
+def _with_possible_shares(demands: Demands, boxes: Boxes) -> tuple[Boxes, Flags]:
+    """Return boxes narrowed to the shares that the theta, stiffness and K_p in them may have, and which have none."""
     unit = _stiffness_of(demands, 1.0)
     low, high = (dict(zip(boxes.names, edge, strict=True)) for edge in (boxes.low.copy(), boxes.high.copy()))
     # the terms of rho in N/m: K_p, the hand's stiffness and 2 sin(theta/2)
@@ -171,7 +171,8 @@ def _with_possible_shares(demands: Demands, boxes: Boxes) -> Boxes:
         # 0/0 limits nothing
         low[share] = np.fmax(low[share], least / (least + others[1]) * (1 - ROUNDING))
         high[share] = np.fmin(high[share], most / (most + others[0]) * (1 + ROUNDING))
-    return replace(boxes, low=np.stack(list(low.values())), high=np.stack(list(high.values())))
+    least, most = np.stack(list(low.values())), np.stack(list(high.values()))
+    return replace(boxes, low=least, high=most), np.any(least > most, axis=0)
 
 
 def _prove(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:

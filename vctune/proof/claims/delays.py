@@ -18,8 +18,8 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.servo import latency, with_least_lag
 from vctune.proof.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.enclosures.intervals import Floats
-from vctune.proof.prover import Decided, Test
+from vctune.proof.enclosures.intervals import Flags, Floats
+from vctune.proof.prover import Decided, Test, narrowed
 
 NEAR = 0.05  # Share of a sample within which a delay is near a whole number of samples
 # Distance, in samples, between a whole number of samples and the delay just below it for which the prover proves the
@@ -150,13 +150,15 @@ class Part:
         def total(numbers: Floats) -> Floats:
             return np.asarray(self.other + sum(numbers[row] for row in rows))
 
+        def has_none(boxes: Boxes) -> tuple[Boxes, Flags]:
+            return boxes, (total(boxes.low) > most) | (total(boxes.high) < least)
+
         def tested(boxes: Boxes) -> Decided:
             decided = test(boxes)
-            outside = (total(boxes.low) > most) | (total(boxes.high) < least)
             there = (total(decided.guide.point) >= least) & (total(decided.guide.point) <= most)
-            return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
+            return replace(decided, fails=decided.fails & there)
 
-        return tested
+        return narrowed(tested, has_none)
 
 
 def row_of(key: str) -> str:
@@ -203,21 +205,22 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
     (rest,) = (1 + index for index, name in enumerate(names) if name in DELAY_ROWS)
     whole, blur = 1 + names.index(SAMPLES_BEFORE), SNAP * longest
 
-    def tested(boxes: Boxes) -> Decided:
+    def within_range(boxes: Boxes) -> tuple[Boxes, Flags]:
         low, high = boxes.low.copy(), boxes.high.copy()
         low[rest] = np.maximum(low[rest], shortest - blur - high[whole] * T)
         high[rest] = np.minimum(high[rest], longest + blur - low[whole] * T)
-        empty, several = low[rest] > high[rest], low[whole] < high[whole]
-        low[rest, empty] = high[rest, empty] = boxes.low[rest, empty]
-        decided = test(replace(boxes, low=low, high=high))
+        return replace(boxes, low=low, high=high), low[rest] > high[rest]
+
+    def tested(boxes: Boxes) -> Decided:
+        decided = test(boxes)
         guide = decided.guide
         at, total = guide.point[whole], guide.point[whole] * T + guide.point[rest]
         had = (at == np.round(at)) & (total >= shortest - blur) & (total <= longest + blur)
         cost = guide.cost.copy()
-        cost[whole, decided.fails & ~had & several] = np.inf
-        return Decided(decided.proved | empty, decided.fails & had & ~empty, replace(guide, cost=cost))
+        cost[whole, decided.fails & ~had & (boxes.low[whole] < boxes.high[whole])] = np.inf
+        return replace(decided, fails=decided.fails & had, guide=replace(guide, cost=cost))
 
-    return tested
+    return narrowed(tested, within_range)
 
 
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
