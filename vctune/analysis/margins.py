@@ -8,8 +8,6 @@ from functools import lru_cache
 from math import inf, pi
 
 import numpy as np
-from scipy.optimize import root
-from scipy.optimize.elementwise import find_root
 
 from vctune.analysis.extrema import Floats, frequency_grid, last_to_hold, local_minima, with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
@@ -24,6 +22,8 @@ DECADES_BELOW_NYQUIST = 7  # Number of decades below Nyquist that the code searc
 # Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
 # which it stops
 STEPS, FARTHEST = 16, 32
+BISECTIONS = 48  # Number of halvings of an interval of the grid, which leave only rounding
+NEWTON_STEPS, DIFFERENCE = 8, 1e-6  # Number of Newton steps, and the step of their central differences
 FARTHEST_CORRECTION = 0.05  # Greatest share of the delay by which the root may differ from the halved interval
 
 
@@ -95,7 +95,7 @@ def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
 
 
 def _at_zero(device: Device, gains: Gains, delay: float) -> float:
-    """Return the delay with which F = 0 somewhere on the circle, a root in (log omega, delay)."""
+    """Return the delay with which F = 0 somewhere on the circle, by Newton's method in (log omega, delay)."""
     position, unit = gains.position > 0, device.sample_time
 
     def F(point: Floats) -> Floats:
@@ -110,13 +110,21 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
         return np.asarray(parts.closed(gains).abs2() / parts.open.abs2())
 
     point = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
-    corrected = float(root(F, point).x[1]) * unit
-    near = np.isfinite(corrected) and abs(corrected - delay) <= FARTHEST_CORRECTION * delay
-    return corrected if near else delay
+    for _ in range(NEWTON_STEPS):
+        slopes = [(F(point + step) - F(point - step)) / (2 * DIFFERENCE) for step in DIFFERENCE * np.eye(2)]
+        point = point - np.linalg.solve(np.array(slopes).T, F(point))
+        if not abs(point[1] * unit - delay) <= FARTHEST_CORRECTION * delay:
+            return delay
+    return float(point[1]) * unit
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
-    """Return the frequencies at which f changes its sign."""
+    """Return the frequencies at which f changes its sign, by bisecting all intervals at once."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
-    return np.asarray(find_root(f, (grid[at], grid[at + 1])).x)
+    low, high, rising = grid[at], grid[at + 1], values[at + 1] > 0
+    for _ in range(BISECTIONS if at.size else 0):
+        middle = (low + high) / 2
+        below = (f(middle) > 0) != rising
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return (low + high) / 2

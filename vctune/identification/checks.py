@@ -8,7 +8,6 @@ from math import log, log10, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.errors import InputError, Mistake, Note
@@ -57,6 +56,8 @@ def on_even_rows(recording: Recording, *, servo: bool) -> Recording:
             return recording
         even = np.linspace(time[0], time[-1], n)
         T = float(even[1] - even[0])
+    from scipy.interpolate import CubicSpline
+
     channels = {}
     for role, channel in recording.channels.items():
         smooth = role in ("position", "handle", "velocity")

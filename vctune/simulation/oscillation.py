@@ -7,8 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import butter, sosfiltfilt
 
 from vctune.model.numbers.arithmetic import Floats
 from vctune.simulation.run import Traces
@@ -38,6 +36,8 @@ def motion_of(position: Floats, sample_time: float, cycle: float, travel: float,
     corner = 2 * SLOW * sample_time / cycle  # over the Nyquist frequency
     if len(position) < 64 or corner >= 0.5:
         return Motion("calm")
+    from scipy.signal import butter, sosfiltfilt
+
     quick = sosfiltfilt(butter(2, corner, "highpass", output="sos"), position)
     least = max(LEAST * travel, COUNTS * count)
     runs = _runs(quick, least)
@@ -55,6 +55,8 @@ def at_rest(traces: Traces, last: NDArray[np.bool_], travel: float, count: float
 
     It rests if it does not move by more than `SHAKES` of a count, or of a share of the travel, and its motor's command
     does not change either: the command answers each step of the encoder, however little the handle moves."""
+    from scipy.interpolate import CubicHermiteSpline
+
     time, motor = traces.time[last], traces.motor[last]
     within = np.linspace(time[0], time[-1], BETWEEN * (len(time) - 1) + 1)
     position = CubicHermiteSpline(time, traces.position[last], traces.velocity[last])(within)

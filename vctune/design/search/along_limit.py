@@ -14,7 +14,6 @@ from math import exp, inf, log
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
@@ -295,6 +294,8 @@ def _shapes(limit: _Limit) -> Iterator[tuple[float, float, float]]:
 
 def _least(limit: _Limit, start: Point, step: float, most: int, close: float) -> tuple[float, Point] | None:
     """Return the least error, with its design, near a start."""
+    from scipy.optimize import minimize
+
     free = [k for k in limit.free if start[k] > 0]
     scaled = [k for k in free if k >= GAINS]
     shape = [k for k in free if k not in scaled[:1]]  # the first number of the coupling follows from the limit
