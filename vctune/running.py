@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from math import inf
 from time import perf_counter, process_time
 
-from vctune.interrupt import raise_lost_interrupt
+from vctune.interrupt import interrupt_noted, raise_lost_interrupt
 
 SELDOM = 0.1  # Least number of seconds between two messages about the same work
 
@@ -23,6 +23,7 @@ class OutOfTimeError(Exception):
 _END: ContextVar[float] = ContextVar("end", default=inf)
 _BEGAN: ContextVar[float | None] = ContextVar("began", default=None)
 _MOST_BOXES: ContextVar[float] = ContextVar("most boxes", default=inf)
+_STOPPED: ContextVar[Callable[[], bool]] = ContextVar("stopped", default=lambda: False)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
 _REPORTING: ContextVar[bool] = ContextVar("reporting", default=False)
 
@@ -51,6 +52,18 @@ def time_limit_of_command(seconds: float) -> Iterator[None]:
 
 
 @contextmanager
+def ended_by_interrupt() -> Iterator[None]:
+    """Let Ctrl-C end the time of the work within the block, so that what it has found is kept; a second one
+    interrupts."""
+    with interrupt_noted() as came:
+        token = _STOPPED.set(came)
+        try:
+            yield
+        finally:
+            _STOPPED.reset(token)
+
+
+@contextmanager
 def unlimited() -> Iterator[None]:
     """Suspend the time limit within the block, for the short work that reports the result."""
     token = _END.set(inf)
@@ -63,13 +76,13 @@ def unlimited() -> Iterator[None]:
 def seconds_left() -> float:
     """Return the seconds until the limit: 0 after the limit, inf if there is no limit."""
     end = _END.get()
-    return inf if end == inf else max(end - perf_counter(), 0.0)
+    return 0.0 if out_of_time() else inf if end == inf else end - perf_counter()
 
 
 def out_of_time() -> bool:
     """Return whether the time limit has passed."""
     end = _END.get()
-    return end < inf and perf_counter() >= end
+    return _STOPPED.get()() or (end < inf and perf_counter() >= end)
 
 
 def check_time() -> None:

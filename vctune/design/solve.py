@@ -57,8 +57,8 @@ def solve(
         return Solved(problem=problem, infeasibility=theorem)
     try:
         worlds = problem.worlds
-        weak = worlds is not None and not worlds.walls and (worlds.exact or not problem.device.kind.own_loop)
-        if problem.rigid or follows_limit(problem) or (weak and gap is None):
+        linear = worlds is not None and not worlds.walls
+        if problem.rigid or follows_limit(problem) or (linear and gap is None):
             return _along_limit(problem, progress)
         return _found(problem, progress, gap, exhaustive=exhaustive)
     except OutOfTimeError:
@@ -70,7 +70,7 @@ def _along_limit(problem: Problem, progress: Progress) -> Solved:
     passive environment, which is one for the stated ones too."""
     began = perf_counter()
     progress("following the limit of the coupling")
-    proved = stiffest_wall(pose(problem)) if problem.rigid else best_along_limit(pose(problem))
+    proved = stiffest_wall(pose(problem)) if problem.rigid else best_along_limit(prepare(problem))
     found, alone = None if proved is None else proved.judgement, has_nothing_behind(problem)
     miss = (NO_WALL, LESS_STIFF) if problem.rigid else (NOT_ALONE if alone else NOT_BEFORE_WORLDS, MORE_FELT)
     wider = problem.worlds is not None and not (problem.rigid or follows_limit(problem))

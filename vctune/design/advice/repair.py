@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from math import inf
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -26,7 +27,15 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.outcome import Verdict
-from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time
+from vctune.running import (
+    OutOfTimeError,
+    boxes_at_most,
+    check_time,
+    ended_by_interrupt,
+    out_of_time,
+    seconds_left,
+    time_limit,
+)
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
 MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found
@@ -34,9 +43,14 @@ MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may 
 # of boxes of each proof and of all. They bound its time and, unlike seconds, give the same answer on every machine
 MOST_PROVED, SOLVED = 24, 2
 MOST_BOXES, MOST_BOXES_IN_ALL = 20_000, 60_000
+# Least and greatest time, s, of the search for repairs of a problem without a design; between, it takes as long as the
+# search for the design. A time limit that the user gives takes their place
+LEAST_SECONDS, MOST_SECONDS = 4.0, 10.0
 CLOSE, NEAR = 0.01, 0.05  # Shares of a change within which its limit is estimated, and found by proofs where it must be
 BACK = (0.0, 0.01, 0.03)  # Shares of a change beyond its estimated limit at which a proof is tried
-HALVINGS = 24  # Greatest number of them between a value that fails and one that passes
+# Greatest number of halvings between a value that fails and one that passes, for a given design and for a problem that
+# is solved again with each value
+HALVINGS, HALVINGS_SOLVED = 24, 6
 PEAK_STEPS, NEARLY = 4, 0.8  # in which a maximum between two steps is looked for, if the reserve of a step exceeds this
 
 Progress = Callable[[str], None]
@@ -58,8 +72,11 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     if out_of_time():
         return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
-    found = find_repairs(document, parameter_changes(document, problem), hands_of(judgement), progress)
-    seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
+    seconds = min(max(sum(solved.seconds.values()), LEAST_SECONDS), MOST_SECONDS) if seconds_left() == inf else inf
+    with time_limit(seconds), ended_by_interrupt():
+        found = find_repairs(document, parameter_changes(document, problem), hands_of(judgement), progress)
+        cut = (REPAIRS,) * out_of_time()
+    seconds = perf_counter() - began
     return replace(
         solved,
         repairs=found.repairs,
@@ -254,6 +271,8 @@ class _Search:
 
     def limit_found(self, change: ParameterChange, bad: float, good: float) -> bool:
         """Find the least change between one that fails and one that seems to suffice; list it if it is proved."""
+        if (problem := self.problem(change, good)) is not None and not problem.bounds.fixed:
+            return self.solved_within(change, bad, good)
         while self.within_budget:
             bad, least = self.bracket(change, bad, good)
             known = len(self.hands)
@@ -270,6 +289,23 @@ class _Search:
             if self.reserve(change, good) < 1:
                 return False
         return False
+
+    def solved_within(self, change: ParameterChange, bad: float, good: float) -> bool:
+        """List a change with which the problem has a design, and if it is solved there too a change near the least.
+
+        At the limit itself the proof of a design may take long, and from 0 it has no least change.
+        """
+        new = change.rounded(good)
+        if (error := self.proved(change, new)) is None:
+            return False
+        known = len(self.found)
+        self.found.append(_repair(change, new, error))
+        if bad > 0 and not change.switch:
+            _, least = self.bracket(change, bad, good, HALVINGS_SOLVED)
+            near = change.rounded(least + NEAR * (least - change.old))
+            if abs(near - change.old) < abs(new - change.old) and (error := self.proved(change, near)) is not None:
+                self.found[known] = _repair(change, near, error)
+        return True
 
     def limit_proved(self, change: ParameterChange, bad: float, good: float) -> bool:
         """Halve the distance between two values by proofs, where the estimate is too coarse."""
@@ -298,9 +334,11 @@ class _Search:
             self.hands.append(proof.hand)
         return proof.error
 
-    def bracket(self, change: ParameterChange, bad: float, good: float) -> tuple[float, float]:
+    def bracket(
+        self, change: ParameterChange, bad: float, good: float, halvings: int = HALVINGS
+    ) -> tuple[float, float]:
         """Halve the distance between a value that fails and one that seems to suffice until it is small."""
-        for _ in range(0 if change.switch else HALVINGS):
+        for _ in range(0 if change.switch else halvings):
             if abs(good - bad) <= CLOSE * min(abs(good - change.old), good):
                 break
             middle = change.between(bad, good)

@@ -18,13 +18,13 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
-from vctune.analysis.worst_hand import ANGLES
-from vctune.design.judging.judge import Status
-from vctune.design.prepared import Posed
+from vctune.design.prepared import Posed, Prepared
 from vctune.design.search.exchange import stable
 from vctune.design.search.first_proved import RESERVE, Law, LookedAt, Proved, first_proved
+from vctune.design.search.scan import scan
 from vctune.design.variables import Point, design_of, point, ranges, rounded
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
+from vctune.model.hands import Hand, Hands
 from vctune.model.loop.llewellyn import passive_alone
 from vctune.model.loop.loop import LoopResponse
 from vctune.model.problem import Problem, Range
@@ -32,13 +32,12 @@ from vctune.model.worlds import EVERY_WORLD
 from vctune.running import check_time
 
 MOST_DEVICES = 16  # of a box, at first
-# Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v, and the shapes: m_c/b_c, or
-# m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
-VELOCITIES, CORNERS = (0.99, 0.6, 0.3, 0.1, 0.03, 0.003), 12
-CLOSER_CORNERS = (0.5, 0.25)  # that are tried beside the best ones, as shares of the steps between corners
-WIDER, WIDEST, CLOSER = 1.5, 24, 6  # steps down to the greatest K_v that is permitted, and halvings of the last step
+# The shapes: m_c/b_c, or m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
 RIGID, SHAPES, DRAGS = np.geomspace(0.03, 1e5, 13), np.geomspace(0.3, 300, 6), np.geomspace(1e-3, 10, 6)
-STARTS, BEST = 4, 2  # number of starts of the grid, each with another K_v or shape, and of those that are proved
+SOFTER = (0.4, 0.15, 0.06, 0.02, 0.007)  # shares of the greatest stiffness of a hand
+STARTS, BEST = 6, 2  # number of starts, and greatest number of those that are proved
+NO_BETTER = 0.998  # Estimated error, over that of a proved design, above which the search ends
+GAIN_REDUCTIONS = (1.0, 0.9, 0.7, 0.5, 0.3)  # shares of a start's gains that are tried until they are permitted
 # Steps of the logarithms, greatest numbers of designs that are compared, and distances at which a search ends: of each
 # start, of the best, and of the best with more hands
 COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
@@ -95,7 +94,6 @@ class _Limit:
 
     posed: Posed
     seen: LookedAt
-    coarse: bool = False  # whether few angles are enough
 
     @property
     def ranges(self) -> tuple[Range, ...]:
@@ -111,6 +109,10 @@ class _Limit:
     def free(self) -> list[int]:
         """The numbers of the variables that are free and may be positive."""
         return [k for k, bounds in enumerate(self.ranges) if not bounds.fixed and bounds.max > 0]
+
+    def error(self, found: Point | None) -> float:
+        """Return the error of a design; inf without one."""
+        return inf if found is None else self.posed.error(*design_of(found))
 
     def permits(self, gains: Gains) -> bool:
         """Return whether gains are within their bounds and their loop is stable and not too loud."""
@@ -131,7 +133,7 @@ class _Limit:
         worlds = problem.worlds or EVERY_WORLD
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
         for device in seen.devices:
-            angles = ANGLES[::3] if self.coarse else np.union1d(angles_of(device), seen.angles)
+            angles = np.union1d(angles_of(device), seen.angles)
             if demands.hands is not None:
                 in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
             if demands.alone:
@@ -188,21 +190,45 @@ def _times(values: Point, free: Sequence[int], factor: float) -> Point:
 
 
 @np.errstate(all="ignore")
-def best_along_limit(posed: Posed) -> Proved | None:
-    """Return the best proved design that the search reaches from a grid, or else the last that was tried; None if it
-    reaches none."""
+def best_along_limit(prepared: Prepared) -> Proved | None:
+    """Return the best proved design that the search reaches from its starts, or else the last that was tried; None if
+    it reaches none."""
+    posed = prepared.given
     devices = list(dict.fromkeys(case.device for case in (*posed.cases, *posed.hand_cases)))[:MOST_DEVICES]
     servo = posed.problem.device.servo
     reserve = IN_DISC if servo is not None and servo.radii else RESERVE
-    seen = LookedAt(devices, [*posed.problem.hands.corners, posed.problem.hands.middle], reserve=reserve)
-    tried: Proved | None = None
-    starts = _starts(_Limit(posed, seen))
-    reached = [found for start in starts if (found := _least(_Limit(posed, seen), start, *COARSE)) is not None]
-    for _, start in sorted(reached)[:BEST]:
-        tried = first_proved(posed, seen, partial(_best_near, posed, start)) or tried
-        if tried is not None and tried.judgement.status is Status.CERTIFIED:
+    seen = LookedAt(devices, _first_hands(posed.problem.hands), reserve=reserve)
+    limit = _Limit(posed, seen)
+    fixed = limit.ranges[0].fixed and limit.ranges[1].fixed
+    starts = _starts_of_grid(limit) if fixed else _starts_of_scan(limit, prepared)
+    best: Proved | None = None
+    for _ in range(BEST):
+        limit = _Limit(posed, seen)
+        reached = [found for start in starts if (found := _least(limit, start, *COARSE)) is not None]
+        error, start = min(reached, default=(inf, ()))
+        if error == inf or (best is not None and best.certified and error > NO_BETTER * best.judgement.error):
             break
-    return tried
+        tried = first_proved(posed, seen, partial(_best_near, posed, start))
+        best = best if tried is None else _better(best, tried)
+        if tried is None or (tried.certified and error > NO_BETTER * tried.judgement.error):
+            break
+        seen = replace(tried.seen, reserve=reserve)  # what refuted these designs may be why others seemed worse
+    return best
+
+
+def _first_hands(hands: Hands) -> list[Hand]:
+    """Return the corners of a box, its middle, and softer hands of least damping, of which one is often the worst."""
+    low, high = hands.low, hands.high
+    softer = (Hand(mass, low.damping, share * high.stiffness) for share in SOFTER for mass in (low.mass, high.mass))
+    within = (hand for hand in softer if hand.stiffness > low.stiffness)
+    return list(dict.fromkeys([*hands.corners, hands.middle, *within]))
+
+
+def _better(one: Proved | None, other: Proved) -> Proved:
+    """Return the certified design of less error, or else the last."""
+    if one is None or not one.certified:
+        return other
+    return min(one, other, key=lambda each: each.judgement.error) if other.certified else one
 
 
 def _best_near(posed: Posed, start: Point, seen: LookedAt, last: Law | None) -> Law | None:
@@ -218,64 +244,36 @@ def least_error(posed: Posed, seen: LookedAt, law: Law) -> float:
     return inf if found is None else found[0]
 
 
-def _starts(limit: _Limit) -> list[Point]:
-    """Return the designs of a grid with the least errors that are apart from one another."""
-    problem, best, few = limit.posed.problem, dict[float, tuple[float, Point]](), replace(limit, coarse=True)
-
-    def error(found: Point | None) -> float:
-        return inf if found is None else limit.posed.error(*design_of(found))
-
-    def compare(kind: float | None, gains: Iterator[Gains]) -> None:
-        """Keep the best design of a kind; without a kind that of each shape. Few angles tell what is not better."""
-        for law in gains:
-            check_time()
-            coarse, fine = few.loops(law), None
-            for coupling in _shapes(limit) if coarse is not None else ():
-                b_c, m_c, b_0 = coupling
-                key = float(f"{m_c / max(b_0 if b_c == inf else b_c, TINY):.2g}") if kind is None else kind
-                values, known = (*astuple(law), *coupling), best[key][0] if key in best else inf
-                if error(few.design(values, coarse)) < known:
-                    fine = fine or limit.loops(law)
-                    design = limit.design(values, fine)
-                    if design is not None and error(design) < known:
-                        best[key] = error(design), design
-
-    velocity, position = limit.ranges[:GAINS]
-    if velocity.fixed and position.fixed:
-        compare(None, iter([Gains(velocity.max, position.max)]))
-    elif position.fixed:
-        compare(0.0, _gains_of_corner(limit, 0.0, VELOCITIES))
-    else:
-        # with a corner above 1/lag, Re D < 0 at low frequency
-        corners = np.geomspace(0.3 * problem.transparency.band.min, 1 / problem.device.loop_lag, CORNERS)
-        for corner in [0.0, *map(float, corners)]:
-            compare(corner, _gains_of_corner(limit, corner, VELOCITIES))
-        for kind in sorted(best, key=lambda kind: best[kind])[:STARTS]:
-            for share in CLOSER_CORNERS:
-                K_v, K_p = best[kind][1][:GAINS]
-                for ratio in (corners[1] / corners[0]) ** np.array([-share, share]):
-                    compare(kind, _gains_of_corner(limit, float(K_p / K_v * ratio), VELOCITIES[:1]))
+def _starts_of_grid(limit: _Limit) -> list[Point]:
+    """Return the designs of given gains with the least errors, one of each shape."""
+    check_time()
+    gains, best = design_of(tuple(bounds.max for bounds in limit.ranges))[0], dict[float, tuple[float, Point]]()
+    loops = limit.loops(gains)
+    for b_c, m_c, b_0 in _shapes(limit):
+        shape = float(f"{m_c / max(b_0 if b_c == inf else b_c, TINY):.2g}")
+        found = limit.design((*astuple(gains), b_c, m_c, b_0), loops)
+        if found is not None and (error := limit.error(found)) < best.get(shape, (inf,))[0]:
+            best[shape] = error, found
     return [design for _, design in sorted(best.values())[:STARTS]]
 
 
-def _gains_of_corner(limit: _Limit, corner: float, shares: Sequence[float]) -> Iterator[Gains]:
-    """Yield gains with a corner K_p/K_v, K_v as shares of the greatest that is permitted: near it most designs are
-    best."""
-    velocity, position = limit.ranges[:GAINS]
+def _starts_of_scan(limit: _Limit, prepared: Prepared) -> list[Point]:
+    """Return the designs with the least errors that have the gains of the scan's starts.
 
-    def at(K_v: float) -> Gains:
-        return Gains(K_v, position.max if position.fixed else max(position.min, K_v * corner))
-
-    if velocity.fixed:
-        yield at(velocity.max)
-        return
-    tried = velocity.max * WIDER ** -np.arange(0.0, WIDEST)
-    high = next((float(K_v) for K_v in tried if limit.permits(at(float(K_v)))), velocity.min)
-    low, high = high, min(WIDER * high, velocity.max)
-    for _ in range(CLOSER):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if limit.permits(at(middle)) else (low, middle)
-    yield from (at(max(low * share, velocity.min)) for share in shares)
+    The scan knows the limits of gains, and little of what a box of environments requires of a coupling: at each of its
+    gains the coupling is its own, and that of the best shape.
+    """
+    found = set[tuple[float, Point]]()
+    for start in scan(prepared.scaled).starts:
+        check_time()
+        K_v, K_p, *own = prepared.units.to_si(point(start.gains, start.coupling))
+        shares = ((share, limit.loops(Gains(share * K_v, share * K_p))) for share in GAIN_REDUCTIONS)
+        share, loops = next(((share, loops) for share, loops in shares if loops is not None), (0.0, None))
+        for shapes in ([tuple(own)], _shapes(limit)) if loops is not None else ():
+            designs = (limit.design((share * K_v, share * K_p, *shape), loops) for shape in shapes)
+            errors = [(limit.error(design), design) for design in designs if design is not None]
+            found |= {min(errors)} if errors else set()
+    return [design for _, design in sorted(found)[:STARTS]]
 
 
 def _shapes(limit: _Limit) -> Iterator[tuple[float, float, float]]:
@@ -308,8 +306,7 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
         return limit.design(tuple(values), given or limit.loops(Gains(*values[:GAINS])))
 
     def error(logs: Floats) -> float:
-        found = at(logs)
-        return inf if found is None else limit.posed.error(*design_of(found))
+        return limit.error(at(logs))
 
     first = np.array([log(start[k]) for k in shape])
     ways = np.diag([-1.0 if k == 0 else 1.0 for k in shape])  # K_v is next to its limit, so that it becomes less
@@ -318,4 +315,4 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
         options = {"initial_simplex": simplex, "maxfev": most // 2, "xatol": close, "fatol": 1e-7}
         first = minimize(error, first, method="Nelder-Mead", options=options).x
     found = at(first)
-    return None if found is None else (limit.posed.error(*design_of(found)), found)
+    return None if found is None else (limit.error(found), found)

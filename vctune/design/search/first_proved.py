@@ -11,7 +11,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.worst_hand import BESIDE
-from vctune.design.judging.judge import PROVING, Judgement, certified, judgement_of
+from vctune.design.judging.judge import PROVING, Judgement, Status, certified, judgement_of
 from vctune.design.prepared import Posed
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -58,6 +58,11 @@ class Proved(NamedTuple):
 
     judgement: Judgement
     seen: LookedAt
+
+    @property
+    def certified(self) -> bool:
+        """Whether the design is proved."""
+        return self.judgement.status is Status.CERTIFIED
 
 
 def first_proved(posed: Posed, seen: LookedAt, best: Callable[[LookedAt, Law | None], Law | None]) -> Proved | None:

@@ -33,7 +33,7 @@ from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.delays import NEXT_TO
 from vctune.proof.claims.registry import CLAIMS, IN_HANDS
 from vctune.proof.outcome import Outcome, Verdict
-from vctune.running import OutOfTimeError, boxes_at_most, check_time, out_of_time, seconds_left, time_limit
+from vctune.running import OutOfTimeError, boxes_at_most, check_time, most_boxes, out_of_time, seconds_left, time_limit
 
 # The search polishes a start if its estimated error, divided by the error of the best optimum, is at most this ratio
 WORTH_POLISHING = 1.05
@@ -44,8 +44,12 @@ PROOF_ROUNDS, MORE_DIGITS = 4, 2
 # the grid
 LONG_SHOTS = 2
 NEARLY = 0.1  # Greatest violation of a start, as a share, for `within_reach` to polish it
+# Greatest error of a start near the best design that is polished too, and of the result for another one, as a share
+NEARBY = 0.9995
 OTHER_DESIGN = 1.001  # Least ratio of the errors of two optima that are not taken for the same design
-PROOF_BOXES = 200_000  # Number of boxes of undecided proofs after which the search ends and the design stays undecided
+# Number of boxes of undecided proofs after which the search ends and the design stays undecided, and greatest number of
+# one claim: a design with a little more reserve is proved sooner than a claim with many more boxes
+PROOF_BOXES, ONE_PROOF = 150_000, 50_000
 # Greatest number of boxes of a claim about an idle design while a start is left that uses its velocity loop, and whose
 # error is at most this ratio of that of the idle design
 IDLE_BOXES, WORTH_INSTEAD = 20_000, 1.5
@@ -95,7 +99,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
         another, proved = _best_proved(prepared, scanned, more)
         if not undecided or (proved is not None and proved.status is Status.CERTIFIED):
             optima, best, judgement = more, another, proved
-        elif idle:
+        elif idle and useful:
             best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         with suppress(OutOfTimeError):
@@ -118,7 +122,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
         return None
     prepared = prepare(problem)
     if problem.rigid or follows_limit(problem):
-        proved = stiffest_wall(prepared.given) if problem.rigid else best_along_limit(prepared.given)
+        proved = stiffest_wall(prepared.given) if problem.rigid else best_along_limit(prepared)
         found = None if proved is None else proved.judgement
         return (found.gains, found.coupling) if found is not None and found.status is Status.CERTIFIED else None
     scanned = scan(prepared.scaled)
@@ -178,6 +182,18 @@ def _polish_starts(
         if polished is not None:
             optima.append(polished)
             known_idle |= idle
+    # the scan ranks couplings by the gains of its grid; near the gains of an optimum another one may be better
+    while optima:
+        best = min(optima, key=lambda optimum: optimum.error)
+        with time_limit(seconds_left() - for_proof):
+            near = start_at(scaled, design_of(best.values)[0])
+            if near is None or near.error >= NEARBY * best.error:
+                return
+            progress(f"polishing near the best design{_best_known(optima, prepared.units.error)}")
+            better = polish(scaled, near, scanned, incumbent=best.error)
+        if better is None or better.error >= NEARBY * best.error:
+            return
+        optima.append(better)
 
 
 def _idle(prepared: Prepared, gains: Gains, coupling: AnyCoupling) -> bool:
@@ -205,7 +221,7 @@ def _best_proved(
                 spent += judgement.certificate.boxes
                 if most < inf and judgement.status is Status.UNDECIDED:
                     break
-                if doubtful is not None and (spent > PROOF_BOXES or judgement.certificate.cut):
+                if doubtful is not None and (spent > min(PROOF_BOXES, most_boxes()) or judgement.certificate.cut):
                     return doubtful
     return doubtful if doubtful is not None else (None, None)
 
@@ -225,7 +241,7 @@ def _attempts(
         found = sum(_new_hand(prepared, law, judgement, witnesses, tightening) for judgement in judged)
         if not found:  # else the hands near the witnesses of earlier judgements already refute this design
             given = with_corner(prepared.given, values[CORNER]) if len(values) > CORNER else prepared.given
-            with boxes_at_most(most):
+            with boxes_at_most(min(most, ONE_PROOF)):
                 judgement = judge_posed(given, *law)
             yield polished, judgement
             judged += [judgement] if judgement.certificate.demands.walls_met is None else []
