@@ -43,6 +43,7 @@ GAIN_REDUCTIONS = (1.0, 0.9, 0.7, 0.5, 0.3)  # shares of a start's gains that ar
 COARSE, FINE, AGAIN = (0.3, 120, 1e-2), (0.1, 260, 1e-4), (0.01, 60, 1e-4)
 GAINS, MASS = 2, 3  # number of gains before the numbers of the coupling in a `Point`, and place of m_c
 FAR, HALVINGS = 30.0, 16  # Greatest factor of a coupling that is not free as a whole, and halvings of its logarithm
+FEW = 3  # of this many angles one is looked at, to compare starts
 TINY = 1e-300
 IN_DISC = 1e-3  # First reserve of a servo in a disc, whose proof takes a hundred times as long at less
 LIGHTEST = 1e-3  # Least mass of a rigid coupling, over b_0 T; a lighter one is neither felt nor worth a digit
@@ -94,6 +95,7 @@ class _Limit:
 
     posed: Posed
     seen: LookedAt
+    coarse: bool = False  # whether few angles are enough
 
     @property
     def ranges(self) -> tuple[Range, ...]:
@@ -133,7 +135,7 @@ class _Limit:
         worlds = problem.worlds or EVERY_WORLD
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
         for device in seen.devices:
-            angles = np.union1d(angles_of(device), seen.angles)
+            angles = np.union1d(angles_of(device)[:: FEW if self.coarse else 1], seen.angles)
             if demands.hands is not None:
                 in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
             if demands.alone:
@@ -198,12 +200,12 @@ def best_along_limit(prepared: Prepared) -> Proved | None:
     servo = posed.problem.device.servo
     reserve = IN_DISC if servo is not None and servo.radii else RESERVE
     seen = LookedAt(devices, _first_hands(posed.problem.hands), reserve=reserve)
-    limit = _Limit(posed, seen)
+    limit = _Limit(posed, seen, coarse=True)
     fixed = limit.ranges[0].fixed and limit.ranges[1].fixed
     starts = _starts_of_grid(limit) if fixed else _starts_of_scan(limit, prepared)
     best: Proved | None = None
     for _ in range(BEST):
-        limit = _Limit(posed, seen)
+        limit = _Limit(posed, seen, coarse=True)
         reached = [found for start in starts if (found := _least(limit, start, *COARSE)) is not None]
         error, start = min(reached, default=(inf, ()))
         if error == inf or (best is not None and best.certified and error > NO_BETTER * best.judgement.error):
