@@ -304,7 +304,7 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
     def at(logs: Floats) -> Point | None:
         values = list(start)
         for k, place in zip(shape, logs, strict=True):
-            values[k] = exp(float(place))
+            values[k] = min(max(exp(float(place)), limit.ranges[k].min), limit.ranges[k].max)
         return limit.design(tuple(values), given or limit.loops(Gains(*values[:GAINS])))
 
     def error(logs: Floats) -> float:
