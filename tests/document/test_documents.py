@@ -24,6 +24,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Range
+from vctune.proof.device_box import device_box
 
 BAD = ROOT / "tests/bad"
 SERVO = """
@@ -349,3 +350,42 @@ def test_a_delay_moves_the_default_band_with_the_loops_lag():
     for delay in (0.0, 5e-4, 3e-3):
         problem = parse_problem(PLAIN + f"delay = {delay!r}\n", "x.toml", "x")
         assert problem.stability.band.max == 2 * pi * min(0.1 / 1e-3, 0.05 / (0.5e-3 + delay))
+
+
+ARM = SERVO + "[environment]\nmass.max = 0.0\nstiffness.max = 0.0\n"
+
+
+@pytest.mark.parametrize("table", ["operator", "tool", "environment", "uncertainty"])
+def test_a_maximum_alone_is_a_range_from_0(table):
+    key = '"force_sensor.delay"' if table == "uncertainty" else "mass"
+    text = SERVO + "delay = 1e-3\n"
+    alone, both = (f"[{table}]\n{key} = {{ {ends} }}\n" for ends in ("max = 0.01", "min = 0.0, max = 0.01"))
+    assert parse_problem(text + alone, "", "x") == parse_problem(text + both, "", "x")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[operator]\nmass = { min = 1.0 }\n", "operator.mass.max: is missing"),
+        ('[uncertainty]\n"servo.bandwidth_hz" = { max = 20.0 }\n', "both min and max are needed"),
+        ('[uncertainty]\n"servo.delay" = { min = 2e-3, max = 3e-3 }\n', "does not include device.servo.delay = 0.001"),
+        ('[uncertainty]\n"servo.delay" = { max = 1.0 }\n', "1000 sample times"),
+        ('[uncertainty]\n"servo.bandwidth_hz" = { min = 1.0, max = 1e7 }\n', "lower it"),
+    ],
+)
+def test_ranges_that_lack_an_end_or_the_value_are_told(text, said):
+    with pytest.raises(InputError, match=said):
+        parse_problem(ARM + text, "", "x")
+
+
+def test_a_range_of_a_device_is_that_of_its_share():
+    """0.8 to 1.2 ms is 1 ms and 20 %: the same box, in any units."""
+    share, ends = (
+        parse_problem(ARM + f'[uncertainty]\n"servo.delay" = {number}\n', "", "x")
+        for number in ("0.2", "{ min = 0.8e-3, max = 1.2e-3 }")
+    )
+    boxes = []
+    for problem in (share, ends, ends.in_units(3.0, 7e-3)):
+        box = device_box(problem.device, problem.uncertainty)
+        boxes.append([box.low.number("servo.delay"), box.high.number("servo.delay")])
+    assert boxes[0] == boxes[1] == pytest.approx([7e-3 * end for end in boxes[2]], rel=1e-14)

@@ -445,9 +445,9 @@ def solver_record(solved: Solved) -> dict[str, Any]:
 def device_record(device: Device, problem: Problem, *, changed: bool = False) -> DeviceRecord:
     """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty;
     if `changed`, also those that differ from the problem's."""
-    widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
+    uncertain = problem.uncertainty.keys if problem.uncertainty is not None else ()
     known, of_problem = numbers_to_state(device), numbers_to_state(problem.device)
-    stated = {*widths, *(key for key in known if changed and known[key] != of_problem[key])}
+    stated = {*uncertain, *(key for key in known if changed and known[key] != of_problem[key])}
     others = {key: number for key, number in known.items() if "." in key and key in stated}
     found: dict[str, Any] = {"parts": others} if others else {}
     if device.unmodelled is not None and device.unmodelled.share > 0:

@@ -122,13 +122,12 @@ def problems_beside(problem: Problem) -> list[Problem]:
     """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near such a
     number."""
     hands, device, uncertainty = problem.hands_met, problem.device, problem.uncertainty
-    widths = {} if uncertainty is None else dict(uncertainty.half_widths)
-    if hands is None or not may_jump(device, widths):
+    if hands is None or not may_jump(device, () if uncertainty is None else uncertainty.keys):
         return []
     if uncertainty is not None and device.divided:
-        widths.pop(device.delay_key, None)
-        uncertainty = replace(uncertainty, half_widths=tuple(widths.items()))
-    uncertainty = uncertainty if widths or (uncertainty and uncertainty.unmodelled) else None
+        kept = tuple((key, width) for key, width in uncertainty.half_widths if key != device.delay_key)
+        uncertainty = replace(uncertainty, half_widths=kept)
+    uncertainty = uncertainty if uncertainty and (uncertainty.keys or uncertainty.unmodelled) else None
     return [replace(problem, device=each, uncertainty=uncertainty) for each in beside_whole_sample(device, hands)]
 
 

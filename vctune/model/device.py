@@ -37,6 +37,13 @@ Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
 
 
+def unit_of_number(key: str, impedance: Number, time: Number) -> Number:
+    """Return the unit of a parameter of a device, by its key, where impedance and time are the units of these."""
+    quantity = "time" if key == LATENCY else PART_NUMBERS[key].quantity
+    units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
+    return (units | {"time": time, "rate": 1 / time, "ratio": 1.0})[quantity]
+
+
 @record
 class Device:
     """The mechanism Z_d = mass s + damping, its parts, and the firmware that samples and holds."""
@@ -213,11 +220,8 @@ class Device:
 
     def in_units(self, impedance: Number, time: Number) -> Device:
         """Return the device in other units of impedance and time."""
-        units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
-        units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
         numbers = self.numbers() | self._exact()
-        quantities = {key: each.quantity for key, each in PART_NUMBERS.items()} | {LATENCY: "time"}
-        scaled = {key: value / units[quantities[key]] for key, value in numbers.items()}
+        scaled = {key: value / unit_of_number(key, impedance, time) for key, value in numbers.items()}
         same = self.with_numbers(scaled)
         if same.friction is not None:
             same = replace(same, friction=same.friction * time / impedance)
@@ -227,7 +231,7 @@ class Device:
         if same.unmodelled is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.unmodelled.radii)
             same = replace(same, unmodelled=replace(same.unmodelled, radii=radii))
-        return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
+        return same._with_hands(lambda hand: LeastOperator(hand.mass / (impedance * time), hand.damping / impedance))
 
     def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
         """Return the device after applying a function to its least operator and to the load on its handle."""

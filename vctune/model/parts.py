@@ -285,6 +285,7 @@ OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain an
 NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
 # Keys of the parameters that may be uncertain
 UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
+MAY_BE_ZERO = tuple(key for key in UNCERTAIN if PART_NUMBERS[key].quantity in ("damping", "time", "ratio"))
 INERT = ("mass", "damping", "delay")  # Keys of the parameters of [device] that a servo does not have
 LOOP_DELAYS = ("delay", "servo.delay")  # Keys of the delay of a loop, one for each kind of display
 # Keys of the delays between a command and the sensed force that it causes

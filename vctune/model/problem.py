@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from math import pi
 from typing import Literal
 
-from vctune.model.device import Device
+from vctune.model.device import Device, unit_of_number
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands, passive_hand
@@ -127,13 +127,23 @@ class Demands:
 class Uncertainty:
     """The uncertainty of the device: how far its parameters and its response may deviate from the stated values."""
 
-    half_widths: tuple[tuple[str, float], ...]
+    half_widths: tuple[tuple[str, float], ...]  # shares of the stated values
     objective: Literal["nominal", "worst"]
     unmodelled: tuple[tuple[float, float], ...] = ()
+    ranges: tuple[tuple[str, Range], ...] = ()  # of parameters whose range is stated instead of a share
 
-    def in_time(self, time: float) -> Uncertainty:
-        """Return the uncertainty with times in units of `time`, s."""
-        return replace(self, unmodelled=tuple((hz * time, radius) for hz, radius in self.unmodelled))
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the parameters that may deviate."""
+        return tuple(key for key, _ in (*self.half_widths, *self.ranges))
+
+    def in_units(self, impedance: float, time: float) -> Uncertainty:
+        """Return the uncertainty in other units of impedance, N s/m, and time, s."""
+        return replace(
+            self,
+            unmodelled=tuple((hz * time, radius) for hz, radius in self.unmodelled),
+            ranges=tuple((key, ends.times(1 / unit_of_number(key, impedance, time))) for key, ends in self.ranges),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,7 +310,7 @@ class Problem:
                 stability,
                 band=Band(stability.band.min / t, stability.band.max / t),
             ),
-            uncertainty=self.uncertainty and self.uncertainty.in_time(time),
+            uncertainty=self.uncertainty and self.uncertainty.in_units(impedance, time),
             experiments=(),
             hands=self.hands.in_units(impedance, time),
             worlds=self.worlds and self.worlds.in_units(impedance, time),

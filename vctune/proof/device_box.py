@@ -1,4 +1,4 @@
-"""Boxes of devices: each parameter of a device lies within a relative half-width of its stated value."""
+"""Boxes of devices: each parameter of a device lies within a relative half-width of its stated value, or in a range."""
 
 from __future__ import annotations
 
@@ -71,16 +71,13 @@ MOST_AT_ONCE = 4  # Greatest number of uncertain parameters for which the search
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     """Return the box of devices around a nominal one."""
-    low, high = (
-        device.with_numbers(
-            {
-                key: _edge(device.number(key), sign * width)
-                for key, width in uncertainty.half_widths
-                if device.number(key) is not None
-            }
-        )
+    widths = [(key, width) for key, width in uncertainty.half_widths if device.number(key) is not None]
+    least, most = (
+        {key: _edge(device.number(key), sign * width) for key, width in widths}
+        | {key: ends.min if sign < 0 else ends.max for key, ends in uncertainty.ranges}
         for sign in (-1, 1)
     )
+    low, high = device.with_numbers(least), device.with_numbers(most)
     if not uncertainty.unmodelled:
         return DeviceBox(device, low, high)
     own = Unmodelled(uncertainty.unmodelled)

@@ -14,9 +14,10 @@ from vctune.analysis.demands import transparency_error
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.simulation_json import SimulationRecord
+from vctune.document.schema.number_units import unit_of
 from vctune.document.text.output_files import write_together
 from vctune.model.gains import Gains
-from vctune.model.numbers.units import OF_KEYS
+from vctune.model.numbers.units import OF_KEYS, in_full
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.curves import no_coupling, requirements
@@ -78,12 +79,17 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
         kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
         word = f"certified, {doubt}" if useless else "certified"
         widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
+        ranges = problem.uncertainty.ranges if problem.uncertainty is not None else ()
         divided = {problem.device.delay_key} if problem.device.divided else set()
         known = ["any division of the servo's latency into delay and lag"] if divided else []
         known += [
             f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ")
             for key, width in widths
             if width and key not in divided
+        ]
+        known += [
+            f"{key} {in_full(ends.min)} to {in_full(ends.max)} {unit_of(tuple(key.split('.')), problem.units)}".strip()
+            for key, ends in ranges
         ]
         devices = f"; for every device within {', '.join(known)}" if known else ""
         sentence = f"Proved {record.promise}{devices}."

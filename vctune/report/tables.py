@@ -57,6 +57,7 @@ def _ranges(problem: Problem) -> list[Line]:
 def _device(problem: Problem) -> list[Line]:
     device, uncertain, units = problem.device, problem.uncertainty, problem.units
     widths = dict(uncertain.half_widths) if uncertain is not None else {}
+    ranges = dict(uncertain.ranges) if uncertain is not None else {}
     lines = []
     if device.kind is not ADMITTANCE:
         lines.append(Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name)))
@@ -65,8 +66,10 @@ def _device(problem: Problem) -> list[Line]:
             note = "divided into delay and lag in any way"
             lines.append(Line("servo: latency", *quantity(device.stated_delay, "s"), note))
             continue
-        value = quantity(float(number), unit_of(tuple(key.split(".")), units))
+        value = quantity(float(number), unit := unit_of(tuple(key.split(".")), units))
         known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
+        if key in ranges:
+            known = " ".join(quantity(ranges[key].min, unit, to=ranges[key].max))
         lines.append(Line(units.translated(PART_NUMBERS[key].label), *value, known))
     if (servo := device.servo) is not None:
         held = {"velocity": "held over a sample", "position": "interpolated over a sample"}[servo.command]

@@ -183,13 +183,15 @@ def _divided(servo: Servo, T: float) -> Servo:
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     """Return the uncertainty; None if no parameter of the device varies and there is no disc."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
-    moving = tuple((key, width) for key, width in widths.items() if width > 0)
+    moving = tuple((key, width) for key, width in widths.items() if isinstance(width, float) and width > 0)
+    ranges = tuple((key, Range(**ends)) for key, ends in widths.items() if isinstance(ends, dict))
     if device.servo is not None and device.servo.latency is not None:
         shortest, longest = delays_in_latency(device.servo.latency, device.sample_time)
         moving += (("servo.delay", (longest - shortest) / (longest + shortest)),) if longest > shortest else ()
     radii = () if device.servo is not None else tuple(table.unmodelled)
-    uncertainty = Uncertainty(moving, table.objective, radii)
-    return uncertainty if uncertainty.unmodelled or any(device.number(key) for key, _ in moving) else None
+    uncertainty = Uncertainty(moving, table.objective, radii, ranges)
+    some = any(device.number(key) for key, _ in moving) or any(not ends.fixed for _, ends in ranges)
+    return uncertainty if uncertainty.unmodelled or some else None
 
 
 def _range(value: Any, low: float, high: float) -> Range:

@@ -37,6 +37,8 @@ def units_stated(raw: dict[str, Any]) -> Units:
 
 def unit_of(path: KeyPath, units: Units) -> str:
     """Return the unit of a number in a problem file; "" for a number without a unit."""
+    if path[0] == "uncertainty" and path[-1] in ("min", "max"):
+        path = ("device", *str(path[1]).split("."))
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
     if not names or any(name in WITHOUT_UNIT for name in names):
         return ""

@@ -13,7 +13,7 @@ from vctune.model.experiment import Baseline, Environment, Friction, MovingHand,
 from vctune.model.fields import Edge, Flag, Found, FoundPositive, NotNegative, NotNegativeOrInf, Positive, Share, Text
 from vctune.model.gains import Coupling, Gains, Rule, SpringDamper
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.parts import UNCERTAIN, ForceSensor, Servo
+from vctune.model.parts import MAY_BE_ZERO, UNCERTAIN, ForceSensor, Servo
 from vctune.model.transparency import Terms
 
 
@@ -43,21 +43,49 @@ AnyDeviceTable = Annotated[
 ]
 
 
-def _share(key: str) -> Any:
-    meaning = "; 0.1 means plus or minus 10 %" if key == "mass" else ""
-    return Share, Field(0.0, alias=key, description=f"Uncertainty of device.{key}{meaning}.")
+class PositiveRange(Table):
+    """A range of a value that cannot be 0."""
+
+    min: Positive = Field(description="Least value.")
+    max: Positive = Field(description="Greatest value.")
 
 
-# Table with a relative half-width for each parameter of a device that may be uncertain
+class NotNegativeRange(Table):
+    """A range of a value that may be 0."""
+
+    min: NotNegative = Field(0.0, description="Least value.")
+    max: NotNegative = Field(description="Greatest value.")
+
+
+def _form(value: Any) -> str:
+    return "<range>" if isinstance(value, dict | Table) else "<number>"
+
+
+A = TypeVar("A")
+B = TypeVar("B")
+NumberOrRange = Annotated[Annotated[A, Tag("<number>")] | Annotated[B, Tag("<range>")], Discriminator(_form)]
+PositiveVariable = NumberOrRange[Positive, PositiveRange]
+Variable = NumberOrRange[NotNegative, NotNegativeRange]
+Damping = NumberOrRange[NotNegativeOrInf, NotNegativeRange]
+
+
+def _uncertain(key: str) -> Any:
+    meaning = "; 0.1 means plus or minus 10 %, { min, max } a range of its values" if key == "mass" else ""
+    range_ = NotNegativeRange if key in MAY_BE_ZERO else PositiveRange
+    return NumberOrRange[Share, range_], Field(0.0, alias=key, description=f"Uncertainty of device.{key}{meaning}.")  # type: ignore[misc, valid-type]
+
+
+# Table with a relative half-width, or a range, for each parameter of a device that may be uncertain
 SharesTable: Any = create_model(
-    "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
+    "SharesTable", __base__=Table, **{key.replace(".", "_"): _uncertain(key) for key in UNCERTAIN}
 )
 
 
 class UncertaintyTable(SharesTable):
-    """Relative half-widths of the intervals of the device's parameters.
+    """Intervals of the device's parameters: a number is a relative half-width, { min, max } a range of values.
 
-    The constraints hold for every device whose parameters lie in these intervals.
+    The constraints hold for every device whose parameters lie in these intervals. The value in [device] lies in its
+    range, whose min is 0 by default if the parameter may be 0.
 
     To state the uncertainty of a parameter in a sub-table of [device], quote its name,
     as in "actuator.bandwidth_hz" = 0.2.
@@ -99,32 +127,6 @@ class ExperimentTable(Table):
     sensors: Sensors = Sensors()
     actuator: LimitTable = LimitTable()
     baseline: Baseline | None = None
-
-
-class PositiveRange(Table):
-    """Bounds of a free variable that cannot be 0."""
-
-    min: Positive = Field(description="Least value.")
-    max: Positive = Field(description="Greatest value.")
-
-
-class NotNegativeRange(Table):
-    """Bounds of a free variable that may be 0."""
-
-    min: NotNegative = Field(description="Least value.")
-    max: NotNegative = Field(description="Greatest value.")
-
-
-def _form(value: Any) -> str:
-    return "<range>" if isinstance(value, dict | Table) else "<number>"
-
-
-A = TypeVar("A")
-B = TypeVar("B")
-NumberOrRange = Annotated[Annotated[A, Tag("<number>")] | Annotated[B, Tag("<range>")], Discriminator(_form)]
-PositiveVariable = NumberOrRange[Positive, PositiveRange]
-Variable = NumberOrRange[NotNegative, NotNegativeRange]
-Damping = NumberOrRange[NotNegativeOrInf, NotNegativeRange]
 
 
 class OperatorTable(Table):

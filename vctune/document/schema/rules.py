@@ -16,7 +16,7 @@ from vctune.model.experiment import Friction, MovingHand
 from vctune.model.fields import keys_of_table
 from vctune.model.hands import HAND
 from vctune.model.numbers.units import KEYS, LINEAR, ROTARY, SPRING_KEYS
-from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS
+from vctune.model.parts import DELAYS, LOOP_DELAYS, MAY_BE_ZERO, NUMBERS, PART_NUMBERS, PARTS, UNCERTAIN
 from vctune.model.problem import HUMAN_HANDS
 from vctune.model.transparency import TERMS
 
@@ -47,6 +47,14 @@ class Stated:
         """Return a finite number. One that the file does not state is nan, which satisfies no comparison."""
         number = number_at(self.raw, *_path(key))
         return number if number is not None else absent if self.value(key) is None else nan
+
+    def reach(self, key: str) -> tuple[float, float]:
+        """Return the least and the greatest value of a parameter of the device, by its key, with its uncertainty."""
+        known, share = self(f"device.{key}"), self(("uncertainty", key), 0.0)
+        if isinstance(self.value(("uncertainty", key)), dict):
+            least = 0.0 if key in MAY_BE_ZERO else nan
+            return self(("uncertainty", key, "min"), least), self(("uncertainty", key, "max"))
+        return known * (1 - share), known * (1 + share)
 
     def value(self, key: Key) -> Any:
         """Return any value; None if the file does not state it."""
@@ -257,7 +265,10 @@ def _long_delays(file: Stated) -> Found:
     most = MAX_DELAY_SAMPLES
     for key in LOOP_DELAYS:
         delay, share = file(f"device.{key}"), file(("uncertainty", key), 0.0)
-        samples = delay / file.T
+        samples, latest = delay / file.T, file.reach(key)[1]
+        ranged = ("uncertainty", key, "max")
+        if file.value(ranged) is not None and samples <= most < latest / file.T:
+            yield ranged, f"{latest:.12g} s is {latest / file.T:.12g} sample times; at most {most} are supported"
         if samples > most:
             unit, instead = in_finer_unit(delay, most * file.T)
             hint = f"; is it in {unit}? Then write {instead:g}" if instead < most * file.T else ""
@@ -285,8 +296,8 @@ def _rates(file: Stated) -> Found:
             yield key, f"{number:g} Hz is above {fastest:g} Hz, where it does nothing; {remedy}"
         elif each.quantity == "rate" and not each.sampled and 0 < number < slowest:
             yield key, f"{number:g} Hz is below {slowest:g} Hz; raise it"
-        samples = number / file.T * (1 + file(("uncertainty", name), 0.0))
-        if name in DELAYS and name not in LOOP_DELAYS and samples > MAX_DELAY_SAMPLES:
+        samples = file.reach(name)[1] / file.T
+        if name in DELAYS and name not in LOOP_DELAYS and number >= 0 and samples > MAX_DELAY_SAMPLES:
             most = f"at most {MAX_DELAY_SAMPLES} are supported"
             yield key, f"{number:.12g} s is up to {samples:.12g} sample times; {most}"
 
@@ -308,8 +319,8 @@ def _low_passes(file: Stated) -> Found:
 def _masses(file: Stated) -> Found:
     """Yield a handle that is not lighter than the whole device, both with their uncertainty."""
     mass, handle, unit = file("device.mass"), file("device.structure.handle_mass"), file.units.mass
-    less, more = (file(("uncertainty", key), 0.0) for key in ("mass", "structure.handle_mass"))
-    lightest, heaviest = mass * (1 - less), handle * (1 + more)
+    lightest, heaviest = file.reach("mass")[0], file.reach("structure.handle_mass")[1]
+    more = file.value(("uncertainty", "structure.handle_mass"))
     if handle >= mass > 0:
         message = f"{handle:g} {unit} is not less than device.mass = {mass:g} {unit}, of which it is a part"
         yield "device.structure.handle_mass", message
@@ -329,6 +340,25 @@ def _uncertain(file: Stated) -> Found:
         elif file.value(("uncertainty", key)) and key == "servo.delay" and "bandwidth_hz" not in device:
             message = "of a latency whose bandwidth is unknown; state the greatest delay instead, or the bandwidth_hz"
             yield ("uncertainty", key), message
+    for key in (key for key in UNCERTAIN if isinstance(file.value(("uncertainty", key)), dict)):
+        yield from _ranged(file, key)
+
+
+def _ranged(file: Stated, key: str) -> Found:
+    """Yield the faults of a range of a parameter, which lies around the value that the device states."""
+    (low, high), path = file.reach(key), ("uncertainty", key)
+    stated = file(f"device.{key}", 0.0 if key in MAY_BE_ZERO else nan)
+    if low > high:
+        yield path, f"min = {low:g} is above max = {high:g}; swap them"
+    elif stated < low or stated > high:
+        message = f"{low:.12g} to {high:.12g} does not include device.{key} = {stated:.12g}; move one of them"
+        yield path, message
+    elif PART_NUMBERS[key].quantity == "rate":
+        least, most = SLOWEST / file.T, (0.5 if PART_NUMBERS[key].sampled else FASTEST) / file.T
+        if stated <= most < high:
+            yield (*path, "max"), f"{high:g} Hz is above {most:g} Hz; lower it"
+        elif low < least <= stated:
+            yield (*path, "min"), f"{low:g} Hz is below {least:g} Hz; raise it"
 
 
 def _unmodelled(file: Stated) -> Found:
@@ -372,8 +402,9 @@ def _display(file: Stated) -> Found:
         if file.value("coupling.stiffness") is not None:
             message = 'is of an impedance display; write device.display = "impedance", or leave it out'
             yield "coupling.stiffness", message
-        for key in ("coupling.damping", "coupling.damping.min"):
-            if file(key) == 0:
+        lowest = 0.0 if file.value("coupling.damping.max") is not None else nan
+        for key, absent in (("coupling.damping", nan), ("coupling.damping.min", lowest)):
+            if file(key, absent) == 0:
                 message = "0 is too small on an admittance display, whose coupling it would open; write a positive one"
                 yield key, message
 

@@ -32,6 +32,7 @@ def statement(problem: Problem) -> dict[str, Any]:
     if problem.uncertainty is not None:
         divided = device.delay_key if device.divided else None
         uncertainty = {key: width for key, width in problem.uncertainty.half_widths if key != divided}
+        uncertainty |= {key: asdict(ends) for key, ends in problem.uncertainty.ranges}
         uncertainty |= {"objective": problem.uncertainty.objective}
         radii = radii or problem.uncertainty.unmodelled
     uncertainty |= {"unmodelled": [list(point) for point in radii]} if radii else {}

@@ -230,9 +230,15 @@ def _meaning(schema: Schema, path: KeyPath) -> str:
         pair = next((form for at, (form, _) in PAIR_LISTS.items() if plain[: len(at)] == at), "[lower, upper]")
         return f"write two numbers {pair}"
     if path[-2:-1] == ("<range>",):
-        return "both min and max are needed"
+        both = "min" in _required(schema, table)
+        alone = "both min and max are needed" if both else "max alone, from 0 to it, is enough"
+        return f"a range needs its {key}; {alone}"
     entry = _at(schema, path) or {}
     text = entry.get("description") or next((form.get("description", "") for form in _forms(schema, entry)), "")
     text = " ".join(text.partition("\n\n")[0].split())
-    required = any(key in form.get("required", ()) for form in _forms(schema, table))
-    return f"it is required: {text}" if required else text
+    return f"it is required: {text}" if key in _required(schema, table) else text
+
+
+def _required(schema: Schema, table: Schema | None) -> set[str]:
+    """Return the required keys of the forms of a table."""
+    return {key for form in _forms(schema, table) for key in form.get("required", ())}

@@ -127,6 +127,8 @@ def problem_digest(problem: Problem) -> str:
     del stated["hands"]["tool"]  # the hands include it
     if problem.hands_met is None:
         del stated["hands"]
+    if problem.uncertainty is not None and not problem.uncertainty.ranges:
+        del stated["uncertainty"]["ranges"]
     if not problem.rigid:
         del stated["rigid"]
     if problem.device.rule == "trapezoid":
