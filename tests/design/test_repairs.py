@@ -443,3 +443,18 @@ def test_the_coupling_that_a_theorem_towards_infinity_advises_is_just_enough_wit
     least = float(re.search(r"coupling.damping.max to (\S+) ", impossible(parsed(text)).advice)[1])
     for factor, excluded in ((0.999, True), (1.001, False)):
         assert (impossible(parsed(text.replace("max = 5000.0", f"max = {factor * least}"))) is not None) == excluded
+
+
+@pytest.mark.parametrize(
+    ("filtered", "offered"),
+    [
+        ("[device.velocity]\nfilter_hz = 50.0\n", True),
+        ("[device.velocity]\nfilter_coefficient = 0.5\n", False),
+        ("[device.force_sensor]\nfilter_coefficient = 1.0\n", True),
+        ("[device.force_sensor]\nsections = [[0.1, 0.0, 0.0, 1.0, -0.9, 0.0]]\n", False),
+    ],
+)
+def test_no_other_rate_is_offered_where_coefficients_are_of_one(filtered, offered):
+    text = DEVICE + filtered
+    keys = {change.key for change in parameter_changes(tomllib.loads(text), parse_problem(text, "", "x"))}
+    assert ("device.sample_time" in keys) is offered

@@ -241,7 +241,7 @@ def test_an_impedance_display_is_no_admittance_controller(arm):
 @pytest.mark.parametrize(
     "values, complaint",
     [
-        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "needs a mass of more than 0.505 kg, not 0.1"),
+        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "more than 0.5051 kg with damping_ratio = 50 kept"),
         ({"stiffness": six(1e5), "damping_ratio": six(0.01)}, "takes S T/2"),
         ({"stiffness": six(0.0), "damping_ratio": damped(1.0, 1e4)}, "joint_damping must be below 1/T = 1000"),
     ],
@@ -444,3 +444,13 @@ def test_what_the_joints_lose_is_a_damping_of_every_axis():
         v = v + T * (force - damping * v - stiffness * x) / mass
         x = x + T * v
         assert jacobian @ q_dot == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
+def test_each_way_out_of_a_step_that_is_too_long_is_one(arm):
+    """The mass is that with the ratio kept, and the ratio that with the mass kept: a step beyond either passes it."""
+    changed(arm, mass=six(0.1), damping_ratio=six(50.0))
+    said = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    mass, ratio = (float(re.search(rf"{words} ([0-9.e+-]+)", said)[1]) for words in ("heavier, more than", "less than"))
+    for way in ({"mass": six(mass * 1.001)}, {"mass": six(0.1), "damping_ratio": six(ratio * 0.999)}):
+        changed(arm, **({"mass": six(0.1), "damping_ratio": six(50.0)} | way))
+        assert "ros-step" not in vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout

@@ -241,6 +241,12 @@ class Device:
         return replace(self, structure=structure, operator=self.operator and changed(self.operator))
 
     @property
+    def digital(self) -> bool:
+        """Whether the firmware has a filter of given coefficients, which is designed for one sample time."""
+        filters = (part for part in (self.velocity, self.force_sensor) if part is not None)
+        return any(part.sections is not None or part.filter_coefficient not in (None, 1) for part in filters)
+
+    @property
     def loop_lag(self) -> Number:
         """The lag of hold and delay at low frequency, T/2 + `latency`, s, without the lags of other parts."""
         return self.sample_time / 2 + self.latency

@@ -159,7 +159,8 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     device, T = problem.device, problem.device.sample_time
     if device.servo is None:
         yield _more_damping(("device", "damping"), "more device damping", device.damping, problem)
-    yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / FURTHEST)
+    if not device.digital:  # at another rate the same coefficients are another filter
+        yield ParameterChange(("device", "sample_time"), "a shorter sample time", T, T / FURTHEST)
     late: KeyPath = ("device", "delay") if device.servo is None else ("device", "servo", "delay")
     if (delay := device.stated_delay) > 0:
         yield ParameterChange(late, "less delay", delay, delay / FURTHEST)

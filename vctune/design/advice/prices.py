@@ -97,6 +97,8 @@ def _numbers(problem: Problem) -> list[_Number]:
     """Return the parameters that get a price: parameters of the device and, for a servo, also of the hands."""
     known = problem.device.numbers()
     known |= {problem.device.delay_key: problem.device.stated_delay}
+    if problem.device.digital:
+        del known["sample_time"]  # at another rate the same coefficients are another filter
     found = [_Number(f"device.{name}", old, partial(_of_device, name)) for name, old in known.items() if old > 0]
     if problem.device.kind.own_loop:
         return found

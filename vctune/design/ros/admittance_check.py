@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from decimal import Decimal
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,8 @@ from vctune.model.device import Device
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.model.problem import Problem
 
+RATE = "sample_time"
+Rate = tuple[str, float, int]  # key, value, Hz, and line of a stated update_rate
 DIGITS = 3  # Least number of digits to which a sample_time must be 1/update_rate; the proof is at the file's rate
 SAME_TOOL = 0.02  # Relative difference within which the weight of a file is that of the problem's tool
 SLOW = 0.1  # Share of the Nyquist frequency below which vctune warns of a filter's corner frequency
@@ -236,7 +238,7 @@ def _checked(
     file = replace(file, problem=followed(file.problem))
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
-    repairs = repairs_of_axis(document, file.problem, judgement, progress)
+    repairs = repairs_of_axis(document, file.problem, judgement, given.rate, progress)
     lighter = _lighter_tool(document, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]
@@ -257,18 +259,28 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
         left = 1 - axis.joint_damping * T
         if left <= 0:
             return f"stepped explicitly, joint_damping must be below 1/T = {1 / T:.4g}, not {axis.joint_damping:.4g}"
-        needed = (2 * axis.damping_ratio * T / left) ** 2 * axis.stiffness
-        return (
+        needed, most = (2 * axis.damping_ratio * T / left) ** 2 * axis.stiffness, axis.mass * left / T
+        said = (
             f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} needs {units.translated('a mass')} "
-            f"of more than {needed:.4g} {units.mass}, not {axis.mass:.4g}; "
-            "make it heavier, or damping_ratio or sample time smaller"
+            f"of more than {_few(axis.damping * T, 4, ROUND_CEILING)} {units.mass}, not {axis.mass:.4g}"
+        )
+        ratio = most / (2 * sqrt(axis.mass * axis.stiffness))
+        return (
+            f"{said}; make it heavier, more than {_few(needed, 4, ROUND_CEILING)} {units.mass} with damping_ratio = "
+            f"{axis.damping_ratio:g} kept, or damping_ratio less than {_few(ratio, 3, ROUND_FLOOR)}, or the "
+            "sample time shorter"
         )
     least = (axis.stiffness * T / 2 - axis.joint_loss) / (2 * sqrt(axis.mass * axis.stiffness))
     taken = f"S T/2 = {axis.stiffness * T / 2:.4g} {units.damping}"
     return (
         f"stepped explicitly, a stiffness of {axis.stiffness:.4g} {units.stiffness} takes {taken} "
-        f"from its damping, which is {axis.damping:.4g}; damping_ratio must be at least {least:.3g}"
+        f"from its damping, which is {axis.damping:.4g}; damping_ratio must be at least {_few(least, 3, ROUND_CEILING)}"
     )
+
+
+def _few(number: float, digits: int, rounding: str) -> str:
+    """Return a limit in few digits, rounded to the side on which what is said suffices."""
+    return f"{float(Context(digits, rounding).create_decimal(repr(number))):g}"
 
 
 def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
@@ -293,13 +305,16 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
     return found
 
 
-def repairs_of_axis(document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress) -> Found:
-    """Return the changes of one value after which a refuted axis passes; none if the axis needs no change."""
+def repairs_of_axis(
+    document: dict[str, Any], problem: Problem, judgement: Judgement, rate: Rate | None, progress: Progress
+) -> Found:
+    """Return the changes of one value after which a refuted axis passes; none if the axis needs no change. A rate that
+    the parameter file states would contradict another sample time of the problem."""
     if judgement.status is not Status.VIOLATED:
         return Found()
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
     others = ("coupling", "tool") if "gravity_compensation" in document else ("coupling",)
-    own = [each for each in changes if each.path[0] not in others]
+    own = [each for each in changes if each.path[0] not in others and (rate is None or each.path[-1] != RATE)]
     found = find_repairs(document, own, hands_of(judgement), progress, _posed)
     return found._replace(repairs=found.repairs and [_in_yaml(repair) for repair in found.repairs])
 
