@@ -12,9 +12,9 @@ from device_pairs import tables_of
 from frequency import demanded
 from pushed_handle import Stepped
 
-from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss
+from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss, stiffness_in_contact
 from vctune.model.device import Device
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 
 WHEEL = Device(0.4, 2.0, 1e-3)
@@ -76,3 +76,15 @@ def test_nothing_is_said_beyond_the_nyquist_frequency():
     felt = feel(slow, Gains(1.0, 1.0), COUPLING)
     assert felt.mass[0] is not None and felt.mass[1] is None and felt.damping[1] is None
     assert felt.stiffness is None
+
+
+@pytest.mark.parametrize(
+    ("device", "gains", "coupling", "stiffness"),
+    [
+        (WHEEL, Gains(40.0, 900.0), COUPLING, 900.0),
+        (LATE, Gains(40.0, 900.0), COUPLING, 900.0),
+        (replace(WHEEL, display="impedance"), Gains(0.0, 0.0), SpringDamper(3.0, 1200.0), 1200.0),
+    ],
+)
+def test_a_wall_in_contact_is_the_spring_that_holds_it(device, gains, coupling, stiffness):
+    assert stiffness_in_contact(device, gains, coupling) == pytest.approx(stiffness, rel=1e-6)

@@ -16,7 +16,7 @@ from vctune.design.design_record import active, record_of
 from vctune.design.judging.judge import Status
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.model.hands import Hands
-from vctune.model.parts import NUMBERS
+from vctune.model.parts import NUMBERS, PART_NUMBERS
 
 REAL = """
 [device]
@@ -208,3 +208,13 @@ def test_one_number_for_a_hand_has_one_price_without_an_end() -> None:
     assert prices is not None
     found = {price.key: price.old for price in prices if "operator" in price.key}
     assert found == {"operator.mass": 1.0, "operator.damping.max": 30.0, "operator.stiffness": 800.0}
+
+
+def test_a_better_device_is_neither_later_nor_slower():
+    """Here a slower filter and a longer delay lower the error, which leaves their rows out."""
+    parts = "delay = 5e-4\nvelocity = { filter_hz = 100.0 }\nforce_sensor = { bandwidth_hz = 200.0, delay = 5e-4 }\n"
+    prices = priced(DEVICE + parts).prices
+    assert prices
+    for price in prices:
+        better = {"time": -1, "rate": 1}.get(PART_NUMBERS[price.key.removeprefix("device.")].quantity)
+        assert better is None or (price.new - price.old) * better > 0

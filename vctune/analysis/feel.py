@@ -57,6 +57,12 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     )
 
 
+def stiffness_in_contact(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
+    """Return the stiffness of a rigid wall at rest, N/m: at 10 Hz, inertia and damping count too."""
+    omega = np.array([LOWEST * pi / device.sample_time])
+    return float((1j * omega * impedance_felt(device, gains, coupling, omega, None))[0].real)
+
+
 def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> complex:
     """Return the impedance of free motion."""
     omega = np.array([2 * pi * hz])

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from vctune.analysis.feel import FREE_HZ, WALL_HZ, feel
+from vctune.analysis.feel import FREE_HZ, WALL_HZ, feel, stiffness_in_contact
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.felt_json import weighed
 from vctune.model.gains import AnyCoupling, Gains
@@ -93,21 +93,23 @@ def _impedance(design: DrawnDesign, record: DesignRecord) -> Shown:
     rows = legend_above(axes, 3 if problem.device.units == "linear" else 2)  # units of torque are long
     place(figure, [[axes]], [1], [rows])
     here = feel(problem.device, *design[1:])
-    finding = f"In free motion the handle feels like {_felt(here.mass[0], units)} at {FREE_HZ[0]:g} Hz"
+    finding = f"In free motion the handle feels like {_felt(here.mass[0], here.damping[0], units)} at {FREE_HZ[0]:g} Hz"
     if problem.worlds is not None and record.felt is not None and record.felt.mass_1hz is not None:
-        mass = _felt(record.felt.mass_1hz, units)
-        finding = f"With {record.felt.behind} behind the handle feels like {mass} at {FREE_HZ[0]:g} Hz"
+        felt = _felt(record.felt.mass_1hz, record.felt.damping_1hz, units)
+        finding = f"With {record.felt.behind} behind the handle feels like {felt} at {FREE_HZ[0]:g} Hz"
     elif problem.device.kind.own_loop:
-        finding += f"; a wall feels like {quantity(here.stiffness, units.stiffness, 3)} at {WALL_HZ:g} Hz"
-        if problem.device.kind.inverse:  # the spring of the coupling less the inertia of what moves with the hand
-            inertia = quantity(problem.device.mass * (2 * pi * WALL_HZ) ** 2, units.stiffness, 3)
-            finding += f", where the inertia of the moving handle takes {inertia} off the spring of the coupling"
+        limp = record.felt is not None and record.felt.limp  # then it holds no force at rest
+        stiffness = here.stiffness if limp else stiffness_in_contact(problem.device, *design[1:])
+        finding += f"; a wall feels like {quantity(stiffness, units.stiffness, 3)}"
+        finding += f" at {WALL_HZ:g} Hz" if limp else ", its stiffness in contact"
     title = "What the hand feels, beside what it should feel"
     return Shown("impedance", title, f"{finding}.", words("impedance", problem, certified), figure)
 
 
-def _felt(mass: float | None, units: Units) -> str:
-    """Return a mass felt at 1 Hz in words; a negative one is felt as a spring."""
+def _felt(mass: float | None, damping: float | None, units: Units) -> str:
+    """Return what is felt at 1 Hz in words, the resistance if it is the greater part; a negative mass is a spring."""
+    if mass is not None and damping is not None and abs(damping) > 2 * pi * FREE_HZ[0] * abs(mass):
+        return str(quantity(damping, units.damping, 3))
     if mass is None or mass >= 0:
         return str(quantity(mass, units.mass, 3))
     return " ".join(weighed(mass, units))

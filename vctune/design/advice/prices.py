@@ -22,7 +22,7 @@ from vctune.design.variables import coordinates, design_of
 from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand
-from vctune.model.parts import LATENCY
+from vctune.model.parts import LATENCY, PART_NUMBERS
 from vctune.model.problem import Problem
 from vctune.proof.claims.delays import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
@@ -31,6 +31,7 @@ PRICES = "the prices of the device's numbers"  # Name of a stage that a time lim
 
 DIFFERENCE_STEP = 1e-5  # Relative step, up and down, of the difference that approximates a derivative
 STEEPEST = 50.0  # Slope d log error/d log parameter above which a change of the error counts as a jump
+_BETTER = {"time": -1, "rate": 1}  # Direction in which a parameter of a quantity is that of a better device
 BETTER = 0.01  # Share by which a parameter improves
 
 _LogError = Callable[[Callable[[Device], Device], Callable[[Hand], Hand]], float]
@@ -53,6 +54,10 @@ def with_prices(solved: Solved) -> Solved:
         for number in _numbers(solved.problem):
             check_time()
             change, sign = _change(log_error, step, here, number)
+            better = _BETTER.get(number.quantity, sign)
+            if sign != better and change < 0:
+                continue  # a later or slower device is no better one, whatever it does to the error
+            sign = better
             price = Price(key=number.key, old=number.old, new=number.old * (1 + sign * BETTER), change=change)
             free = _of_free_feel(solved.problem, judgement, number, sign) if solved.problem.apart else None
             prices.append(price if free is None else price.model_copy(update={"free": free}))
@@ -89,6 +94,7 @@ class _Number:
 
     key: str
     old: float
+    quantity: str = ""  # of a parameter of the device
     device: Callable[[float, Device], Device] = lambda factor, device: device
     hand: Callable[[float, Hand], Hand] = lambda factor, hand: hand
 
@@ -99,7 +105,11 @@ def _numbers(problem: Problem) -> list[_Number]:
     known |= {problem.device.delay_key: problem.device.stated_delay}
     if problem.device.digital:
         del known["sample_time"]  # at another rate the same coefficients are another filter
-    found = [_Number(f"device.{name}", old, partial(_of_device, name)) for name, old in known.items() if old > 0]
+    found = [
+        _Number(f"device.{name}", old, PART_NUMBERS[name].quantity, partial(_of_device, name))
+        for name, old in known.items()
+        if old > 0
+    ]
     if problem.device.kind.own_loop:
         return found
     hands = problem.hands
