@@ -15,8 +15,10 @@ from jsonschema import Draft202012Validator
 
 from vctune import identify
 from vctune.document.log import read_log, read_log_map
+from vctune.document.recording import Channel, Recording
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
+from vctune.identification.checks import remarks
 from vctune.model.device import Device
 from vctune.model.experiment import USUAL_MASS, Friction
 
@@ -241,3 +243,16 @@ def test_a_column_with_two_roles_is_refused_with_both(log, tmp_path):
     config.write_text('[columns]\ncommand = "force_N"\nforce = { column = "force_N", scale = 2.0 }\n')
     message = refused(written(tmp_path, log), config)
     assert "log.toml:3: columns.force" in message and "columns.command" in message
+
+
+@pytest.mark.parametrize("rounding", [1e-3, 0.01, 0.05])
+@pytest.mark.parametrize("held", [1, 4])
+def test_a_chirp_is_called_saturated_where_it_is_cut(rounding, held):
+    """Rounding and a slower loop make flat peaks too, which are no saturation."""
+    time = np.arange(8000) * 1e-3
+    chirp = np.sin(2 * np.pi * (0.2 + 0.625 * time) * time)
+    for most, told in ((1.0, 0), (0.9, 1)):
+        command = np.repeat((np.round(np.clip(chirp, -most, most) / rounding) * rounding)[::held], held)
+        channel = Channel("command_N", command, 1.0, None, None)
+        recording = Recording("log.csv", "", 2, {"command": channel}, (), rotary=False)
+        assert len(remarks(recording)) == told

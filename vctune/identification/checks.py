@@ -19,6 +19,7 @@ SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/
 GREATEST_FORCE = 1e4  # Greatest force of a haptic device, N or N m
 FEW_STEPS = 30  # Least span of the motion in resolution steps
 JUMP = 20.0  # Steps of a position that jumps, in neighbouring steps and in quanta
+PEAK_STEPS = 10  # Greatest fall beside a rounded peak, in steps of its rounding: nine, and the rounding of its foot
 SATURATED = 0.2  # Greatest permitted share of samples at a limit
 ROUND_LEVELS = 30  # Least number of levels of a column that is called rounded
 LEVELS = 10  # Least number of steps of its resolution that a command spans, unless it jumps between a few levels
@@ -243,13 +244,28 @@ def _at_limit(channel: Channel) -> float:
     size = np.abs(channel.values)
     if channel.limit is None and np.unique(channel.values).size < LEVELS:
         return 0.0  # jumps between a few levels, as a binary sequence does
-    limit = channel.limit if channel.limit is not None else float(size.max())
-    at = size >= limit * (1 - 1e-9)
-    if channel.limit is None:
-        at[1:-1] &= at[:-2] | at[2:]
-        if at.sum() < 3:
-            return 0.0
-    return float(at.mean())
+    if channel.limit is not None:
+        return float((size >= channel.limit * (1 - 1e-9)).mean())
+    held = _rows_per_change(channel.values)
+    values = channel.values[(int(np.flatnonzero(np.diff(channel.values))[0]) + 1) % held :: held]
+    size = np.abs(values)
+    at = size >= size.max() * (1 - 1e-9)
+    at[1:-1] &= at[:-2] | at[2:]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False]))))
+    for first, end in edges.reshape(-1, 2):
+        if _rounded_peak(values * np.sign(values[first]), int(first), int(end), _step(channel)):
+            at[first:end] = False
+    return float(at.mean()) if at.sum() >= 3 else 0.0
+
+
+def _rounded_peak(values: Floats, first: int, end: int, step: float) -> bool:
+    """Return whether rows at the greatest value are the rounded peak of a smooth signal, not one that is cut.
+
+    Such a peak is a parabola: within its rounding over its own length, and within nine times as much at three times
+    the length. A signal that is cut falls from the limit by far more.
+    """
+    beside = [values[at] for at in (2 * first - end, 2 * end - first - 1) if 0 <= at < values.size]
+    return bool(beside) and float(values[first] - max(beside)) <= PEAK_STEPS * step
 
 
 def position_noise(channel: Channel) -> float:

@@ -32,7 +32,9 @@ AGAINST = 0.5  # Share of the force left by a regression below which a negative 
 SHORTEST_MOTOR = 0.1  # Shortest lag of a motor that a measured force tells, in rows
 FELT = 0.02  # Share of the force from which a spring is felt
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}  # Masses of haptic devices, kg, or kg m2 if rotary
+# What limits the damping where more than noise is left of the motion, and where nothing tells another friction
 FRICTION = coded("friction is not quite Coulomb's", "limit-friction")
+DRY = coded("taken together with dry friction", "limit-friction")
 
 
 def mechanism_study(recording: Recording, T: float, fixed: Numbers, *, held: bool) -> Study:
@@ -131,7 +133,7 @@ def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]]) -
         excess = max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * unsure)
         one = Estimate(KEYS[name], value, unsure, f"{source}: motion", (excess, excess))
         if name == "damping" and rubbing > excess:
-            one = replace(one, excess=(rubbing, rubbing), reason=FRICTION)
+            one = replace(one, excess=(rubbing, rubbing), reason=DRY if noise_is_all(fit) else FRICTION)
         elif name == "lag":
             hertz = 1 / (2 * pi * value)
             ends = (hertz - 1 / (2 * pi * (value + excess)), excess / value * hertz)
