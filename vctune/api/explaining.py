@@ -162,9 +162,9 @@ def _described(schema: dict[str, Any], table: dict[str, Any], path: str) -> Iter
 
 
 def _claim(claim: Any) -> Entry:
-    """Return a claim: its sentences for all kinds of display, its explanation, and the place of its proof."""
+    """Return a claim: its sentences for all kinds of display, its explanation, its condition and its proof."""
     said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
-    proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
+    proof = f"A certificate makes it {claim.when}. Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
     text = "\n\n".join([f"The certificate's claim {said}.", claim.explain, proof])
     return Entry("claim", (claim.id, claim.label), text, PROOFS)
 

@@ -21,7 +21,9 @@ PANEL_NODES = 8  # Number of Gauss-Legendre nodes on a panel; the rule is exact 
 
 @record
 class Terms:
-    """One value for each of the error's three terms: its weight, where 0 removes it, the term itself, or its square."""
+    """Weights of the three terms of the error; a weight of 0 removes the term."""
+
+    # A program also states the terms themselves, or their squares, in this form
 
     admittance: Annotated[NotNegative, Key("Weight of Z_0 |G_hh|, or of |1/G_hh|/Z_0 for an impedance display.")] = 1.0
     tracking: Annotated[NotNegative, Key("Weight of |1 - G_he|, or of |1 - A H/N| for an impedance display.")] = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import create_model
+from pydantic import Field, create_model
 
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
 from vctune.document.records.part import Document, From, Number, Part, how_shown, marks
@@ -64,7 +64,12 @@ FROM_VERDICT = {
     if mark.column
 }
 _verdict_columns: Any = {name: (Annotated[Number, mark.column], ...) for name, mark in FROM_VERDICT.items()}
-VerdictRecord: Any = create_model("VerdictRecord", __base__=Part, **_verdict_columns)
+VerdictRecord: Any = create_model(
+    "VerdictRecord",
+    __base__=Part,
+    __doc__="The least ratio of the certificate and the peak of the sensitivity; null without a design.",
+    **_verdict_columns,
+)
 
 
 class BandRecord(Part):
@@ -74,7 +79,7 @@ class BandRecord(Part):
 
 
 class ChatterColumns(Part):
-    """What a device does at rest; null if the step of the encoder, or the friction, is not known."""
+    """What a device does at rest, only if it states the step q of its encoder; null if the friction is not known."""
 
     rest_ratio: Annotated[Number, Shown("2 f/(k q), rests from 1 on")] = None
     chatter_m: Annotated[Number, Shown("chatter of the handle, at most", of="position")] = None
@@ -99,8 +104,10 @@ class RowRecord(RowYardstickRecord, ChatterColumns, FeltRecord, BandRecord, Verd
 
     key: str  # digest of everything that determines the point
     point: dict[str, float | str]  # value of each axis, by its dotted key
-    status: str  # "certified", "infeasible", "undecided" or "failed"
-    idle: bool  # whether the design is certified and renders almost nothing
-    reason: str | None  # reason why the point has no design; None for a certified design
+    status: str = Field(
+        description="As of a design; invalid if the values do not form a valid problem, failed if the worker failed."
+    )
+    idle: bool = Field(description="Whether a certified design hardly uses its velocity loop: |1 - G_he| is above 0.5.")
+    reason: str | None = Field(description="Why there is no certified design.")
     seconds: float = 0.0  # elapsed time, s
     time_limit: float | None = None  # time limit that cut the work short, s

@@ -29,7 +29,7 @@ def _not_zero(value: float) -> float:
 
 
 class ColumnTable(Table):
-    """A column with a unit, a scale, a resolution or a limit."""
+    """A column as a table, instead of its header alone: with a unit, a scale, a resolution or a limit."""
 
     column: Text = Field(description="Header of the column in the CSV file.")
     unit: Unit | None = Field(
@@ -93,7 +93,8 @@ class KnownDeviceTable(Table):
     )
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
     velocity: VelocityEstimate | None = Field(
-        None, description="Default: a difference; device.toml then states this as an assumption."
+        None,
+        description='Default: a difference. Without `velocity.from`, device.toml states "difference" as an assumption.',
     )
     actuator: Actuator | None = Field(None, description="Default: not known.")
     force_sensor: ForceSensor | None = Field(None, description="Default: not known.")

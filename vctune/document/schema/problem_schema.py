@@ -163,7 +163,7 @@ class WorldMassTable(Table):
 
 
 class WorldDampingTable(Table):
-    """Damping of the environments, N s/m."""
+    """Damping of the environments, N s/m, at least `min`; it has no greatest value."""
 
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
 

@@ -47,6 +47,7 @@ class Claim:
     witness: str  # description of the place where the claim fails
     label: str  # heading of the claim's row in a report
     explain: str  # meaning of the claim for the reader
+    when: str  # the condition `asked` in words: "A certificate makes it ..."
     asked: Callable[[Demands, DeviceBox | None], bool]
 
     def said_of(self, kind: Display, passive: str = "any passive hand") -> str:
@@ -71,6 +72,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "`operator.mass.min` or `operator.damping.min` is above 0, every hand must contain them: the proof "
                 "counts on them. Outside the band such a hand can make it oscillate."
             ),
+            when='for an admittance display with the criterion "passive" or "both", unless `[environment]` is nothing',
             asked=lambda demands, _: demands.passive and not demands.alone,
         ),
         Claim(
@@ -85,6 +87,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "the frequency model, which has no aliasing: no passive hand can make the free handle oscillate there. "
                 "With a proportional velocity loop the least mass is near K_v m/(K_v + b)."
             ),
+            when='for an admittance display with the criterion "passive" or "both", if `[environment]` is nothing',
             asked=lambda demands, _: demands.alone,
         ),
         Claim(
@@ -98,6 +101,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1. If the loop "
                 "changes by less than this distance, the device remains stable when nobody holds it."
             ),
+            when="for every device but a servo",
             asked=lambda demands, _: demands.device.kind.own_loop,
         ),
         Claim(
@@ -111,6 +115,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The frequency model itself is stable, both without a hand and in the hand of `[operator]`. Without "
                 "this claim, `passive` would not imply stability."
             ),
+            when='for an admittance display with the criterion "passive" or "both"',
             asked=lambda demands, _: demands.passive,
         ),
         Claim(
@@ -124,6 +129,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The exactly sampled velocity loop is stable, both when nobody holds the device and in the hand of "
                 "`[operator]`."
             ),
+            when="for every device but a servo",
             asked=lambda demands, _: demands.device.kind.own_loop,
         ),
         Claim(
@@ -137,6 +143,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "By the small-gain theorem, no sampled response of the mechanism within the radius of "
                 "`uncertainty.unmodelled` around the modelled one makes the velocity loop unstable."
             ),
+            when="for every device but a servo, if the file states `uncertainty.unmodelled`",
             asked=lambda demands, box: (
                 box is not None and box.nominal.unmodelled is not None and demands.device.kind.own_loop
             ),
@@ -154,6 +161,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "counts on it, and the device may be unstable in other hands and when nobody holds it. The claim is "
                 "about the exact sampled loop, including aliasing."
             ),
+            when='for an impedance display with the criterion "passive" or "both", unless the environment is rigid',
             asked=lambda demands, _: demands.any_hand and not demands.rigid,
         ),
         Claim(
@@ -170,6 +178,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "the device is stable with every environment that is passive as it runs. The claim is about the exact "
                 "sampled loop, including aliasing. It does not cover a hand outside these ranges." + ON_AXES
             ),
+            when='with the criterion "hands", or "both" for an admittance display, without `[environment]`',
             asked=lambda demands, _: demands.hands is not None and demands.worlds is None and not demands.rigid,
         ),
         Claim(
@@ -186,6 +195,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "safety factor. The claim is about the exact sampled loop, including aliasing. It does not cover "
                 "other hands and environments." + ON_AXES
             ),
+            when='for an admittance display or a servo with the criterion "hands" or "both", with `[environment]`',
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
         Claim(
@@ -206,6 +216,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "move or one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, "
                 "the device can still be stable with every wall."
             ),
+            when="as `worlds`, with `environment.walls = true`",
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
         Claim(
@@ -221,6 +232,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "delays, filters and actuator. Dry friction at a rigid handle is part of such a hand. If "
                 "`operator.damping.min` is above 0, every hand must have at least this damping: the proof counts on it."
             ),
+            when='for an impedance display with the criterion "passive" or "both", if `environment.stiffness = inf`',
             asked=lambda demands, _: demands.any_hand and demands.rigid,
         ),
         Claim(
@@ -235,6 +247,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "contact. The device is stable in each hand of `[operator]`. The claim is about the exact sampled "
                 "loop of linear hands: it does not cover a contact that is made and broken, nor dry friction."
             ),
+            when='for an impedance display with the criterion "hands", if `environment.stiffness = inf`',
             asked=lambda demands, _: demands.hands is not None and demands.rigid,
         ),
         Claim(
@@ -252,6 +265,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "motion comes to rest: a damper answers a step of the reading with a force of its own, which the "
                 "record states beside it."
             ),
+            when="with `stability.rest = true`",
             asked=lambda demands, _: demands.rest,
         ),
     )
