@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from math import inf, pi, sqrt
+from math import exp, inf, log, pi, sqrt
 from typing import ClassVar
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, local_minima
+from vctune.analysis.extrema import Floats, last_to_hold, local_minima
 from vctune.analysis.hardest_hands import hardest_near, needs_in_hands
-from vctune.analysis.loops_in_hands import PER_DECADE, angles, answers, loops_at_rest, loops_in_hands
+from vctune.analysis.loops_in_hands import PER_DECADE, angles, answers, loops_at_rest, loops_in_any_hand, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand, Hands, PlacesInHands
@@ -30,6 +30,10 @@ SEARCHED = 6  # Number of local minima over the angle that the code refines
 # would miss them
 SHARP = 0.03
 
+# Least multiple of a wall in any passive hand: angles per decade, rounds of narrowing, angles that are narrowed, and
+# number of angles of each; the multiples between which it is sought, and halvings of their logarithm
+DENSE, ZOOMS, NARROWED, WITHIN = 480, 3, 24, 9
+LEAST_MULTIPLE, MOST_MULTIPLE, MULTIPLE_HALVINGS = 1e-6, 1e6, 50
 DEVICES_AT_ONCE = 32  # Number of devices that the code evaluates together
 
 
@@ -196,20 +200,46 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 
 def least_ratio_before_wall(device: Device, wall: SpringDamper) -> RatioInAnyHand:
     """Return the least multiple of a wall with which some passive hand is unstable."""
-    ratio = partial(ratio_before_wall, device, wall)
-    minima, at_rest = local_minima(ratio, angles(device, PER_DECADE)[1:]), float(ratio(np.zeros(1))[0])
-    least, theta = float(minima.value[0]), float(minima.omega[0])
-    resting = at_rest <= least * (1 + 1e-6)
-    return RatioInAnyHand(min(at_rest, least), 0.0 if resting else theta / device.sample_time)
+
+    def lines(theta: Floats) -> tuple[Floats, Floats]:
+        return answers(device, theta).before_wall(wall, device.sample_time, theta, FLOATS)
+
+    theta = loops_in_any_hand(device, DENSE).theta
+    for zoom in range(ZOOMS):
+        along, size2 = lines(theta)
+        least = least_multiple(along, size2)
+        margins = least_up_to(least, along, size2)
+        if zoom + 1 == ZOOMS or least == inf:
+            break
+        # the margins are smooth in theta, unlike the multiple, of which each angle of an interval alone has one
+        lowest = np.argsort(margins)[:NARROWED]
+        ends = theta[np.maximum(lowest - 1, 0)], theta[np.minimum(lowest + 1, theta.size - 1)]
+        theta = np.unique(np.linspace(*ends, WITHIN))
+    at = float(theta[np.argmin(margins)])
+    return RatioInAnyHand(least, 0.0 if least == inf else at / device.sample_time)
+
+
+def least_up_to(most: float, along: Floats, size2: Floats) -> Floats:
+    """Return the least of 1, w times `along` and w^2 times `size2` of `AnyHand.before_wall` over 0 < w <= most: no
+    passive hand has a pole with such a share w of the wall where it is positive."""
+    with np.errstate(all="ignore"):
+        turning = np.where(size2 > 0, -along / (2 * size2), most)
+    w = np.clip(turning, 0.0, most)
+    return 1 + w * (along + w * size2)
+
+
+def least_multiple(along: Floats, size2: Floats) -> float:
+    """Return the least w with which the least of `least_up_to` over all angles is 0; inf if there is none."""
+    low, high = log(LEAST_MULTIPLE), log(MOST_MULTIPLE)
+    if not least_up_to(MOST_MULTIPLE, along, size2).min() < 0:
+        return inf
+    return exp(last_to_hold(lambda w: bool(least_up_to(exp(w), along, size2).min() > 0), low, high, MULTIPLE_HALVINGS))
 
 
 def ratio_before_wall(device: Device, wall: SpringDamper, theta: Floats) -> Floats:
-    """Return the least multiple of a wall with which some passive hand has a pole at an angle."""
-    return least_multiples(*answers(device, theta).before_wall(wall, device.sample_time, theta, FLOATS))
-
-
-def least_multiples(along: Floats, size2: Floats) -> Floats:
-    """Return the least w > 0 of `AnyHand.before_wall` at which some passive hand has a pole; inf if there is none."""
+    """Return the least multiple w > 0 of a wall with which some passive hand has a pole at an angle; inf if there is
+    none."""
+    along, size2 = answers(device, theta).before_wall(wall, device.sample_time, theta, FLOATS)
     with np.errstate(all="ignore"):
         inverse = -0.5 * along + np.sqrt(0.25 * along * along - size2)
         return np.where(inverse > 0, 1 / inverse, inf)

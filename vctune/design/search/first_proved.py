@@ -24,6 +24,7 @@ from vctune.running import OutOfTimeError, boxes_at_most, seconds_left, time_lim
 
 ROUNDS, RESERVE = 12, 1e-4  # proofs, and the reserve of the first; it doubles with each
 MOST_BOXES = 100_000  # of one proof
+UNDECIDED = 3  # Factor of the reserve after an undecided proof, which takes much longer than a refuted one
 OF_COUPLING = claims_about("ratio", "in_hand")
 
 Law = tuple[Gains, AnyCoupling]
@@ -39,7 +40,8 @@ class LookedAt:
     reserve: float = RESERVE
 
     def with_refuted(self, certificate: Certificate) -> LookedAt:
-        """Return this with the places at which a design was refuted, and twice the reserve."""
+        """Return this with the places at which a design was refuted, and twice the reserve, or more after an undecided
+        proof."""
         lost = [each for each in certificate.outcomes.values() if each.verdict is Verdict.REFUTED]
         hands = [each.hand for each in lost if each.hand is not None]
         devices = [each.device for each in lost if each.device is not None]
@@ -49,7 +51,7 @@ class LookedAt:
             list(dict.fromkeys([*self.devices, *devices])),
             list(dict.fromkeys([*self.hands, *hands])),
             np.unique(np.concatenate([self.angles, *beside])),
-            2 * self.reserve,
+            (UNDECIDED if certificate.verdict is Verdict.UNDECIDED else 2) * self.reserve,
         )
 
 

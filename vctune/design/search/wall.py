@@ -12,24 +12,26 @@ from math import exp, inf, log
 import numpy as np
 
 from vctune.analysis.extrema import last_to_hold
-from vctune.analysis.in_hands import least_multiples
-from vctune.analysis.loops_in_hands import loops_in_any_hand
+from vctune.analysis.in_hands import least_up_to
+from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.prepared import Posed
-from vctune.design.search.first_proved import Law, LookedAt, Proved, first_proved
+from vctune.design.search.first_proved import RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.running import check_time
+from vctune.running import boxes_at_most, check_time
 
-PER_DECADE = 120  # angles for any passive hand
+PER_DECADE = 480  # angles for any passive hand
+# First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
+ALIASED, MOST_BOXES = 2e-3, 20_000
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
 NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
-Multiple = Callable[[SpringDamper], float]  # the least multiple of a wall that is unstable, by an estimate
+Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
 
 
 @np.errstate(all="ignore")
@@ -38,26 +40,32 @@ def stiffest_wall(posed: Posed) -> Proved | None:
     problem = posed.problem
 
     def best(seen: LookedAt, _: Law | None) -> Law | None:
-        multiples = [_in_any_hand(each) if problem.any_hand else _in_hands(each, seen) for each in seen.devices]
-        wall = _stiffest(posed, multiples, problem.stability.safety_factor * (1 + seen.reserve))
+        needed = problem.stability.safety_factor * (1 + seen.reserve)
+        kind = _in_any_hand if problem.any_hand else _in_hands
+        wall = _stiffest(posed, [kind(device, seen, needed) for device in seen.devices])
         return None if wall is None else (NO_LOOP, wall)
 
     devices = list(dict.fromkeys(case.device for case in posed.cases))
-    return first_proved(posed, LookedAt(devices, [*problem.hands.corners, problem.hands.middle]), best)
+    aliased = problem.any_hand and any(each.structure is not None for each in devices)
+    hands, reserve = [*problem.hands.corners, problem.hands.middle], ALIASED if aliased else RESERVE
+    with boxes_at_most(MOST_BOXES):
+        return first_proved(posed, LookedAt(devices, hands, reserve=reserve), best)
 
 
-def _in_any_hand(device: Device) -> Multiple:
-    at, T = loops_in_any_hand(device, PER_DECADE), device.sample_time
-    return lambda wall: float(least_multiples(*at.answers.before_wall(wall, T, at.theta, FLOATS)).min())
+def _in_any_hand(device: Device, seen: LookedAt, needed: float) -> Bears:
+    """Also at the angles beside which a proof has refuted a wall."""
+    theta, T = np.union1d(loops_in_any_hand(device, PER_DECADE).theta, seen.angles), device.sample_time
+    at = answers(device, theta)
+    return lambda wall: bool(least_up_to(needed, *at.before_wall(wall, T, theta, FLOATS)).min() > 0)
 
 
-def _in_hands(device: Device, seen: LookedAt) -> Multiple:
+def _in_hands(device: Device, seen: LookedAt, needed: float) -> Bears:
     loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
-    return lambda wall: float(loops.limits(wall)[0].min())
+    return lambda wall: bool(loops.limits(wall)[0].min() >= needed)
 
 
-def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> SpringDamper | None:
-    """Return the stiffest wall of which every device bears a multiple; of several equally stiff, that of least
+def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
+    """Return the stiffest wall that every device bears; of several equally stiff, that of least
     error."""
     problem = posed.problem
     device, dampings, springs = problem.device, problem.bounds.damping, problem.bounds.stiffness
@@ -68,7 +76,7 @@ def _stiffest(posed: Posed, multiples: Sequence[Multiple], needed: float) -> Spr
     def stiffness(damping: float) -> float:
         def stable(log_stiffness: float) -> bool:
             check_time()
-            return all(each(SpringDamper(damping, exp(log_stiffness))) >= needed for each in multiples)
+            return all(bears(SpringDamper(damping, exp(log_stiffness))) for bears in devices)
 
         low, high = log(least), log(max(greatest, least))
         if stable(high) or not stable(low):
