@@ -46,7 +46,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
     def L(omega: Floats) -> Complex:
         return loop_gain(device, gains, omega)
 
-    real = L(np.append(_roots(lambda omega: L(omega).imag, grid), nyquist)).real
+    real = L(np.append(roots(lambda omega: L(omega).imag, grid), nyquist)).real
     factors = -1 / real[real < 0]
     crossing = unit_gain_frequencies(device, gains)
     angle = np.angle(L(crossing))
@@ -60,7 +60,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
 
 def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
     """Return the frequencies at which the sampled loop has |L| = 1, rad/s, in ascending order."""
-    return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
+    return roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
@@ -118,7 +118,7 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
     return float(point[1]) * unit
 
 
-def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
+def roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
     """Return the frequencies at which f changes its sign, by bisecting all intervals at once."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)

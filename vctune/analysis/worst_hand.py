@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.extrema import Floats
+from vctune.analysis.extrema import Floats, local_minima
+from vctune.analysis.margins import roots
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
@@ -141,6 +142,29 @@ def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Place
     ratios, places = LoopsBeforeWall.of(device, tried, ANGLES).limits(wall)
     starts = [Place(float(ratios[n]), float(places[n]), tried[n]) for n in np.argsort(ratios)[:WORST]]
     return min((zoomed(worst_of, hands, start) for start in starts), key=lambda each: each.value)
+
+
+class LoopOfWall(NamedTuple):
+    """The loop that a wall closes in one hand, L = Z_c times the response to the motor's force."""
+
+    peak: float  # greatest |S| = 1/|1 + L|
+    omega: float  # where, rad/s
+    phase: float  # least phase shift of L, rad, to instability; inf where |L| < 1
+
+
+@np.errstate(all="ignore")
+def loop_of_wall(device: Device, wall: SpringDamper, hand: Hand) -> LoopOfWall:
+    """Return the peak of |S| and the phase margin of the loop that a wall closes."""
+
+    def gain(theta: Floats) -> Complex:
+        loop = LoopsBeforeWall.of(device, [hand], theta.ravel())
+        L = (wall.damping * loop.velocity + wall.stiffness * loop.position) / loop.open
+        return np.asarray(L[0]).reshape(theta.shape)
+
+    quiet = local_minima(lambda theta: np.abs(1 + gain(theta)), ANGLES)
+    crossing = gain(roots(lambda theta: np.log(np.abs(gain(theta))), ANGLES))
+    phase = float(np.abs(np.pi - np.abs(np.angle(crossing))).min(initial=np.inf))
+    return LoopOfWall(1 / float(quiet.value[0]), float(quiet.omega[0]) / device.sample_time, phase)
 
 
 @dataclass(frozen=True, slots=True)

@@ -218,7 +218,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "coupling": coupling,
         "transparency": TransparencyRecord(**asdict(judgement.transparency), **_apart(problem), **display),
         "certificate": made(CertificateRecord, judgement, claims=claim_records(problem, judgement), **also, **display),
-        "inner_loop": made(InnerLoopRecord, judgement) if problem.device.kind.own_loop else None,
+        "inner_loop": made(InnerLoopRecord, judgement) if gains.closed else None,
         "uncertainty": _uncertainty(problem, judgement),
     }
 
@@ -275,8 +275,17 @@ def _wall(problem: Problem, judgement: Judgement) -> WallRecord | None:
     outcomes = judgement.certificate.outcomes
     outcome = next(outcomes[claim] for claim in BEFORE_WALL if claim in outcomes)
     also: dict[str, Any] = (_boxes(problem.hands) | {"worst_hand": at.hand}) if at.hand else {}
+    loop = judgement.closed_loop
+    assert loop is not None, "a wall closes a loop"
     return WallRecord(
-        verdict=outcome.verdict.value, min_ratio=at.ratio, worst_hz=finite_hertz(at.omega), boxes=outcome.boxes, **also
+        verdict=outcome.verdict.value,
+        min_ratio=at.ratio,
+        worst_hz=finite_hertz(at.omega),
+        peak_sensitivity=loop.peak,
+        peak_sensitivity_hz=hertz(loop.omega),
+        phase_margin_deg=degrees(loop.phase),
+        boxes=outcome.boxes,
+        **also,
     )
 
 
@@ -399,7 +408,7 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
     if any(at_greatest_rest(problem, judgement, key) for key, _ in _touched(problem, judgement)):
         said = CLAIMS["rests"].said_of(problem.device.kind)
         found.append(ActiveRecord(demand=said.rpartition(": ")[2], hz=None, multiplier=None))
-    if problem.device.kind.own_loop and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
+    if judgement.gains.closed and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
         hz = hertz(judgement.worst_sensitivity)
         found.append(ActiveRecord(demand="|S| <= max_sensitivity", hz=hz, multiplier=None))
     return found

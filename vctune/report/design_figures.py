@@ -35,7 +35,7 @@ def design_figures(problem: Problem, record: DesignRecord, required: list[Requir
     with rc_context(STYLE):
         shown = [_requirement(design, record, each) for each in required]
         shown += [_impedance(design, record), _transparency(design, record)]
-        if record.design[0].closed or problem.device.kind.banded:
+        if record.inner_loop is not None:
             shown.append(_nyquist(design, record))
         for each in shown if doubt else ():
             _stamp(each.figure, doubt)

@@ -28,7 +28,7 @@ from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.margins import Margins, loop_margins
 from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls, suspects
 from vctune.analysis.responses import Loop
-from vctune.analysis.worst_hand import worst_before_wall
+from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall, worst_before_wall
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.model.design import Design
@@ -176,6 +176,17 @@ class Judgement:
     def in_any_hand(self) -> LeastRatio | None:
         """The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim."""
         return self.least("any_hand")
+
+    @property
+    def closed_loop(self) -> LoopOfWall | None:
+        """The peak of |S| and the phase margin of the loop that a wall closes in the least hand, those of the device of
+        the box whose peak is greatest; None without a wall."""
+        if not self.posed.problem.rigid:
+            return None
+        hands, wall = self.posed.problem.hands_met, self.coupling
+        assert isinstance(wall, SpringDamper)
+        hand = Hand(0.0, 0.0, 0.0) if hands is None else hands.low
+        return max((loop_of_wall(case.device, wall, hand) for case in self.posed.cases), key=lambda loop: loop.peak)
 
     @property
     def before_wall(self) -> LeastRatio | None:

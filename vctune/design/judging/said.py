@@ -102,7 +102,7 @@ def _proved(judgement: Judgement) -> str:
         worlds = f" with {demands.worlds.in_words(units)}" if demands.worlds else ""
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
     limits = [f"safety factor {in_full(demands.factor)}"]
-    limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.kind.own_loop else []
+    limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.gains.closed else []
     return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
 
 

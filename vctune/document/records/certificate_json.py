@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from math import degrees, inf, log10, radians
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -182,14 +182,24 @@ class WallRecord(Part):
     min_ratio: Annotated[Number, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
     worst_hz: Number
     worst_hand: Hand | None = None
+    # of the loop that the wall closes, in the least of the hands
+    peak_sensitivity: Annotated[Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz, of the wall's loop {unheld}")]
+    peak_sensitivity_hz: Number
+    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg, of the wall's loop {unheld}")]
     boxes: int
+
+    @property
+    def unheld(self) -> str:
+        """Where the wall's loop has its margins."""
+        return "without a hand" if not self.box or not any(low for low, _ in self.box.values()) else "in the least hand"
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the verdict with the hands, and the least multiple of the wall that is unstable."""
-        verdict, limit = super().rows(units)
+        verdict, limit, *margins = super().rows(units)
         yield verdict._replace(unit="" if self.box is None else self.hands("", units))
         hand = "" if self.worst_hand is None else f" in the hand of {self.worst_hand.in_words(units)}"
         yield limit._replace(unit=limit.unit + hand)
+        yield from margins
 
     def hands(self, passive: str, units: Units) -> str:
         """Return the hands of the claim in words, if it is one of any passive hand with its own words."""
@@ -276,6 +286,12 @@ def _stable(outcomes: Mapping[ClaimId, Outcome]) -> bool | None:
     return False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True
 
 
+def loudest(of: Any) -> float | None:
+    """Return the peak of |S| of the loop that a design closes, its velocity loop or a wall's; None without one."""
+    wall = of.closed_loop
+    return of.peak_sensitivity if of.gains.closed else None if wall is None else wall.peak
+
+
 class InnerLoopRecord(Part):
     """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null."""
 
@@ -286,7 +302,7 @@ class InnerLoopRecord(Part):
     peak_sensitivity: Annotated[
         Number,
         Shown("peak |S|", "at {peak_sensitivity_hz} Hz"),
-        From(lambda of: of.peak_sensitivity, Shown("peak |S|")),
+        From(loudest, Shown("peak |S|")),
     ]
     peak_sensitivity_hz: Annotated[Number, From(lambda of: finite_hertz(of.worst_sensitivity))]
     gain_margin_db: Annotated[Number, Shown("gain margin", "dB"), From(lambda of: 20 * log10(of.loop_margins.gain))]

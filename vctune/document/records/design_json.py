@@ -231,7 +231,7 @@ class DesignRecord(SealedDocument):
     def _whole(self) -> DesignRecord:
         """Refuse a record that has only some of the parts of a design."""
         judged: list[Any] = [self.coupling, self.transparency, self.certificate]
-        looped = self.transparency is None or DISPLAYS[self.transparency.display].own_loop
+        looped = self.gains is not None and self.gains.closed
         judged += [self.inner_loop] if looped else []
         if any((part is None) != (self.gains is None) for part in judged):
             raise ValueError(
@@ -343,8 +343,6 @@ class DesignRecord(SealedDocument):
             result["coupling"] = [Row("rule", "euler", "M a + D v = F, stepped by Euler's rule"), *law]
         if isinstance(self.coupling, SpringDamper):  # an impedance display has no K_p
             result["gains"] = result["gains"][:1]
-        if self.gains.velocity == self.gains.position == 0:  # an impedance display whose motor follows its coupling
-            result.pop(self.GROUPS["inner_loop"], None)
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
             del result["gains"]
         return result

@@ -101,8 +101,8 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1. If the loop "
                 "changes by less than this distance, the device remains stable when nobody holds it."
             ),
-            when="for every device but a servo",
-            asked=lambda demands, _: demands.device.kind.own_loop,
+            when="for every device but a servo, whose coupling is not a wall",
+            asked=lambda demands, _: demands.device.kind.own_loop and not demands.rigid,
         ),
         Claim(
             id="stable_model",
