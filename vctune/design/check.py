@@ -22,6 +22,7 @@ from vctune.design.judging.judge import Judgement, Status, judge_all
 from vctune.design.judging.said import said_of
 from vctune.design.prepared import pose
 from vctune.design.result import Solved
+from vctune.design.search.theorems import impossible
 from vctune.design.variables import keys_for, ranges
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, problem_of_gains
@@ -135,6 +136,9 @@ def check_problem(
 
 
 def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked:
+    theorem = impossible(file.problem) if file.problem.device.kind.inverse else None
+    if theorem is not None:  # that excludes any gains
+        raise InputError.of(file.source, "contradiction", theorem.reason, key="device.damping")
     progress(f"proving {Path(design.source).name}")
     (judgement,) = judge_all(file.problem, [(design.gains, design.coupling)], [design.corner])
     edited = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []

@@ -10,6 +10,8 @@ from vctune.design.judging.judge import Judgement
 from vctune.document.records.felt_json import ChatterRecord, RestRecord
 from vctune.document.records.rows_json import ChatterColumns
 from vctune.model.design import Design
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
 from vctune.model.rest import read_in_steps, rests, settles, step_of_damper, stiffness_read
@@ -32,17 +34,31 @@ def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
     if q is not None:
         found["spring"] = "k_c" if device.kind.inverse else "K_p"
         found["step_N"] = stiffness_read(gains, coupling) * q
-        found["damper_step_N"] = step_of_damper(device, gains, coupling)
+        found["damper_step_N"] = max(step_of_damper(each, gains, coupling) for each in _filters(judgement))
     if q is not None and f is not None:
-        design = Design(device, gains, coupling)
-        found |= {"friction_N": f, "rests": rests(design)}
+        found |= {"friction_N": f, "rests": rests(Design(device, gains, coupling))}
         passive = AT_THE_PORT in outcomes and outcomes[AT_THE_PORT].verdict is Verdict.PROVED
-        if passive and device.structure is None and settles(design):
+        if passive and device.structure is None and _settle(_filters(judgement), gains, coupling):
             found["settles"] = True
     if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
         found["encoder"] = _chatter("encoder", problem, judgement, q)
         found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
     return RestRecord(**{name: value for name, value in found.items() if value is not None})
+
+
+def _filters(judgement: Judgement) -> list[Device]:
+    """Return the devices whose filters make the least and the most of a step: of an uncertain low-pass both ends,
+    because what it makes of a step rises with its frequency."""
+    box = judgement.posed.box
+    filtered = box is not None and any(key.startswith("velocity.") for key in box.uncertain)
+    return [box.low, box.high] if box is not None and filtered else [judgement.device]
+
+
+def _settle(devices: list[Device], gains: Gains, coupling: AnyCoupling) -> bool:
+    """Return whether every device comes to rest; before given sections two ends of a low-pass do not tell."""
+    velocity = devices[0].velocity
+    known = len(devices) == 1 or velocity is None or velocity.sections is None
+    return known and all(settles(Design(device, gains, coupling)) for device in devices)
 
 
 def chatter_columns(problem: Problem, judgement: Judgement) -> ChatterColumns:

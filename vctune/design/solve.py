@@ -47,12 +47,11 @@ def solve(
 ) -> Solved:
     """Find the most transparent feasible design and prove it. If the problem fixes every variable, judge the given
     design."""
-    began = perf_counter()
-    if problem.bounds.fixed:
+    began, theorem = perf_counter(), impossible(problem)
+    if problem.bounds.fixed and not (theorem is not None and problem.device.kind.inverse):  # a theorem of any gains
         fixed = judge(problem, *problem.fixed_design)
         cut = (PROOF,) * fixed.cut
         return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began}, cut=cut)
-    theorem = impossible(problem)
     if theorem is not None:
         return Solved(problem=problem, infeasibility=theorem)
     try:

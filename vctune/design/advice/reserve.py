@@ -14,6 +14,7 @@ from vctune.analysis.stability import clearly_stable
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
 from vctune.design.prepared import pose
+from vctune.design.search.theorems import impossible
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
@@ -29,6 +30,8 @@ def reserve(problem: Problem, also: Sequence[Hand]) -> float:
     and in those other hands that are in it. Below 1 the design fails, by at least as much; above 1 it may pass."""
     posed, (gains, coupling), stability = pose(problem), problem.fixed_design, problem.stability
     cases, held = posed.cases[:MOST_DEVICES], posed.hand_cases[:MOST_DEVICES]
+    if problem.device.kind.inverse and impossible(problem) is not None:  # without damping nothing can be estimated
+        return 0.0
     safe, ratios = stability.safety_factor * (1 + SLACK), list[float]()
     for case in held:
         ratios += _in_hands(case.device, posed.demands, gains, coupling, also)

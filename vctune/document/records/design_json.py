@@ -166,6 +166,9 @@ class UncertaintyRecord(Part):
 
 # Relative difference of two errors of a design within which they are the same on any machine
 SAME_ERROR = 1e-6
+# Groups of the nominal device in a problem with a box of devices, and those of their rows that are of every device
+NOMINAL = frozenset({"transparency", "in the hand", "velocity loop"})
+OF_EVERY_DEVICE = frozenset({"peak |S|", "unstable poles"})
 # Status of a design for each verdict of its certificate
 STATUSES = {"proved": "certified", "refuted": "violated", "undecided": "undecided"}
 
@@ -336,6 +339,9 @@ class DesignRecord(SealedDocument):
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
         result = {title: list(rows(part, self.units)) for title, part in parts.items() if part is not None}
+        if self.uncertainty is not None:
+            for title in NOMINAL & result.keys():
+                result[title] = [row if row.label in OF_EVERY_DEVICE else row.nominal() for row in result[title]]
         if self.rule == "euler":  # which has no damper in series
             law = [
                 row._replace(label=row.label[:-3] + of) for row, of in zip(result["coupling"][1:], "MD", strict=True)

@@ -28,6 +28,10 @@ class Row(NamedTuple):
     value: str
     unit: str
 
+    def nominal(self) -> Row:
+        """Return the row with a note that it is of the nominal device alone, in a problem with a box of devices."""
+        return self._replace(unit=f"{self.unit}; nominal" if self.unit else "nominal")
+
 
 def text(value: Any, digits: int = 5) -> str:
     """Return a value of a record as text."""

@@ -215,7 +215,7 @@ def _proved(demands: Demands, cells: Covered) -> Flags:
     steps: list[Callable[[Covered], Flags]] = []
     if demands.passive:
         steps.append(lambda part: conditions(part, *outwards(demands.band)).proved)
-    if demands.device.kind.own_loop:
+    if demands.device.kind.own_loop and not demands.rigid:
         steps += [lambda part: sensitivity(part).proved, _stable]
     if demands.any_hand:
         steps.append(_hold_before_wall if demands.rigid else _hold_in_any_hand)

@@ -129,8 +129,8 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The exactly sampled velocity loop is stable, both when nobody holds the device and in the hand of "
                 "`[operator]`."
             ),
-            when="for every device but a servo",
-            asked=lambda demands, _: demands.device.kind.own_loop,
+            when="for every device but a servo, whose coupling is not a wall",
+            asked=lambda demands, _: demands.device.kind.own_loop and not demands.rigid,
         ),
         Claim(
             id="unmodelled",
