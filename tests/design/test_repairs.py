@@ -7,6 +7,7 @@ import re
 import tomllib
 from functools import cache, reduce
 from math import pi
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 from frequency import demanded, offered
 from test_bound import infeasible_texts
 
+import vctune
 from vctune.design import solve as solving
 from vctune.design.advice import repair as repairing
 from vctune.design.advice.parameter_changes import parameter_changes
@@ -458,3 +460,17 @@ def test_no_other_rate_is_offered_where_coefficients_are_of_one(filtered, offere
     text = DEVICE + filtered
     keys = {change.key for change in parameter_changes(tomllib.loads(text), parse_problem(text, "", "x"))}
     assert ("device.sample_time" in keys) is offered
+
+
+@pytest.mark.slow
+def test_what_cannot_be_proved_is_answered_soon_with_repairs():
+    """Without drag nothing opposes a drift in limp hands; the search for repairs ends before those of a long proof."""
+    tables = {
+        "device": {"mass": 7.0, "damping": 20.0, "sample_time": 0.002, "delay": 0.003},
+        "coupling": {"drag": 0.0},
+        "stability": {"band_hz": [0.2, 30.0]},
+    }
+    began = perf_counter()
+    solved = vctune.solve(tables)
+    assert solved.judgement is None and perf_counter() - began < 20
+    assert "coupling.drag" in {repair.key for repair in solved.repairs}

@@ -252,3 +252,21 @@ def test_a_demand_of_rest_that_cannot_be_met_is_told(changed, key, words):
     with pytest.raises(vctune.InputError) as refused:
         vctune.problem(problem)
     assert any(each.key == key and words in each.message for each in refused.value.mistakes)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0, True), (0.3, None)])
+def test_a_device_comes_to_rest_with_every_filter_of_its_box(share, expected):
+    """At the upper filter half of the spring's step and the damper's, 1.1585 N, exceed the friction of 1 N."""
+    device = {
+        "display": "impedance", "mass": 0.0306, "damping": 85.0, "sample_time": 1e-3, "delay": 7e-3, "friction": 1.0,
+        "velocity": {"filter_hz": 47.95, "resolution": 1e-4},
+    }  # fmt: skip
+    tables = {
+        "device": device,
+        "environment": {"stiffness": inf},
+        "stability": {"criterion": "passive"},
+        "coupling": {"stiffness": 7102.0, "damping": 24.79},
+    }
+    file = vctune.problem(tables | ({"uncertainty": {"velocity.filter_hz": share}} if share else {}))
+    record = vctune.design_record(file, vctune.solve(file))
+    assert record["rest"].get("settles") is expected

@@ -291,6 +291,17 @@ BASINS: dict[str, tuple[dict[str, Any], float]] = {
 """Own loops before one exact environment, with the error of the certified design before any wider box or none."""
 
 
+@pytest.mark.slow
+def test_a_heavy_handle_before_a_box_keeps_its_basin() -> None:
+    """A search of starts alone ended at an error of .0412."""
+    device = {"mass": 4.243, "damping": 7.543, "sample_time": 0.0005}
+    hands = box((0.0, 1.06), (0.0, 37.7), (0.0, 1061.0))
+    worlds = {"mass": {"min": 0.311, "max": 2.49}, "stiffness": {"max": 2652.0}}
+    solved = solve({"device": device, "operator": hands, "environment": worlds})
+    assert solved.status is Status.CERTIFIED and solved.judgement is not None
+    assert solved.judgement.error <= 0.0338
+
+
 @pytest.mark.parametrize("name", mostly_slow(BASINS, []))
 def test_one_exact_environment_costs_no_more_than_a_wider_box(name: str) -> None:
     tables, wider = BASINS[name]

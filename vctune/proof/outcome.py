@@ -10,6 +10,8 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import hertz
 
+ENCLOSED = 1.02  # Greatest quotient of a least ratio that was found and one that is proved; otherwise it is an estimate
+
 
 class Verdict(StrEnum):
     """The verdict of a proof."""
@@ -40,3 +42,11 @@ class Outcome:
     def witness_hz(self) -> float | None:
         """The witness in Hz; None without a witness."""
         return None if self.witness is None else hertz(self.witness)
+
+
+def enclosed(ratio: float | str, proved: float | None) -> bool:
+    """Return whether a least ratio, found in double precision at some place, is next to one that is proved.
+
+    "none" stands for a ratio that does not exist.
+    """
+    return ratio != "none" and proved is not None and float(ratio) <= ENCLOSED * proved

@@ -45,7 +45,7 @@ MOST_PROVED, SOLVED = 24, 2
 MOST_BOXES, MOST_BOXES_IN_ALL = 20_000, 60_000
 # Least and greatest time, s, of the search for repairs of a problem without a design; between, it takes as long as the
 # search for the design. A time limit that the user gives takes their place
-LEAST_SECONDS, MOST_SECONDS = 4.0, 10.0
+LEAST_SECONDS, MOST_SECONDS = 3.0, 10.0
 CLOSE, NEAR = 0.01, 0.05  # Shares of a change within which its limit is estimated, and found by proofs where it must be
 BACK = (0.0, 0.01, 0.03)  # Shares of a change beyond its estimated limit at which a proof is tried
 # Greatest number of halvings between a value that fails and one that passes, for a given design and for a problem that

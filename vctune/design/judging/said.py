@@ -13,7 +13,7 @@ from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
 from vctune.model.servo import numbers_to_state
 from vctune.proof.certificate import RATIOS
 from vctune.proof.claims.registry import CLAIMS, ClaimId
-from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict, enclosed
 from vctune.running import OutOfTimeError, boxes_at_most
 
 CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
@@ -34,7 +34,7 @@ def said_of(judgement: Judgement) -> str:
     if _misses_only_the_factor(judgement):
         return _stable_but(judgement) + hand + _elsewhere(judgement)
     worst, *others = open_claims(judgement)
-    least = f"{judgement.ratio_name} {at.ratio:.6g} at {at.omega / (2 * pi):.6g} Hz{hand}"
+    least = f"{_least(judgement)} at {at.omega / (2 * pi):.6g} Hz{hand}"
     return "; ".join([worst, least, *others, *([words] if (words := _growth(judgement)) else [])])
 
 
@@ -103,7 +103,14 @@ def _proved(judgement: Judgement) -> str:
         where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
     limits = [f"safety factor {in_full(demands.factor)}"]
     limits += [f"|S| at most {in_full(demands.max_sensitivity)}"] if judgement.gains.closed else []
-    return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
+    return f"proved, {_least(judgement)} {' and '.join(where)}, {', '.join(limits)}"
+
+
+def _least(judgement: Judgement) -> str:
+    """Return the least ratio in words, with a note if it is an estimate."""
+    ratio, proved = judgement.min_ratio, judgement.certificate.proved_ratio
+    note = "" if enclosed(ratio, proved) else " (estimated)"
+    return f"{judgement.ratio_name} {ratio:.6g}{note}"
 
 
 def _misses_only_the_factor(judgement: Judgement) -> bool:

@@ -32,7 +32,11 @@ from vctune.model.worlds import EVERY_WORLD
 from vctune.running import check_time
 
 MOST_DEVICES = 16  # of a box, at first
-# The shapes: m_c/b_c, or m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
+# Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v, and the shapes: m_c/b_c, or
+# m_c/b_0 of a rigid coupling, in sample times, and b_0/b_c
+VELOCITIES, CORNERS = (0.99, 0.6, 0.3, 0.1, 0.03, 0.003), 12
+CLOSER_CORNERS = (0.5, 0.25)  # that are tried beside the best ones, as shares of the steps between corners
+WIDER, WIDEST, CLOSER = 1.5, 24, 6  # steps down to the greatest K_v that is permitted, and halvings of the last step
 RIGID, SHAPES, DRAGS = np.geomspace(0.03, 1e5, 13), np.geomspace(0.3, 300, 6), np.geomspace(1e-3, 10, 6)
 SOFTER = (0.4, 0.15, 0.06, 0.02, 0.007)  # shares of the greatest stiffness of a hand
 STARTS, BEST = 6, 2  # number of starts, and greatest number of those that are proved
@@ -201,8 +205,9 @@ def best_along_limit(prepared: Prepared) -> Proved | None:
     reserve = IN_DISC if servo is not None and servo.radii else RESERVE
     seen = LookedAt(devices, _first_hands(posed.problem.hands), reserve=reserve)
     limit = _Limit(posed, seen, coarse=True)
-    fixed = limit.ranges[0].fixed and limit.ranges[1].fixed
-    starts = _starts_of_grid(limit) if fixed else _starts_of_scan(limit, prepared)
+    fixed, worlds = limit.ranges[0].fixed and limit.ranges[1].fixed, posed.problem.worlds
+    unseen = fixed or (worlds is not None and worlds.exact)
+    starts = _starts_of_corners(limit) if unseen else _starts_of_scan(limit, prepared)
     best: Proved | None = None
     for _ in range(BEST):
         limit = _Limit(posed, seen, coarse=True)
@@ -246,17 +251,65 @@ def least_error(posed: Posed, seen: LookedAt, law: Law) -> float:
     return inf if found is None else found[0]
 
 
-def _starts_of_grid(limit: _Limit) -> list[Point]:
-    """Return the designs of given gains with the least errors, one of each shape."""
-    check_time()
-    gains, best = design_of(tuple(bounds.max for bounds in limit.ranges))[0], dict[float, tuple[float, Point]]()
-    loops = limit.loops(gains)
-    for b_c, m_c, b_0 in _shapes(limit):
-        shape = float(f"{m_c / max(b_0 if b_c == inf else b_c, TINY):.2g}")
-        found = limit.design((*astuple(gains), b_c, m_c, b_0), loops)
-        if found is not None and (error := limit.error(found)) < best.get(shape, (inf,))[0]:
-            best[shape] = error, found
+def _starts_of_corners(limit: _Limit) -> list[Point]:
+    """Return the designs of a grid of gains with the least errors, each of another corner K_p/K_v, or shape.
+
+    A scan sees nothing of one exact environment.
+    """
+    problem, best = limit.posed.problem, dict[float, tuple[float, Point]]()
+    few, limit = limit, replace(limit, coarse=False)
+
+    def compare(kind: float | None, gains: Iterator[Gains]) -> None:
+        """Keep the best design of a kind; without a kind that of each shape. Few angles tell what is not better."""
+        for law in gains:
+            check_time()
+            coarse, fine = few.loops(law), None
+            for coupling in _shapes(limit) if coarse is not None else ():
+                b_c, m_c, b_0 = coupling
+                key = float(f"{m_c / max(b_0 if b_c == inf else b_c, TINY):.2g}") if kind is None else kind
+                values, known = (*astuple(law), *coupling), best[key][0] if key in best else inf
+                if few.error(few.design(values, coarse)) < known:
+                    fine = fine or limit.loops(law)
+                    design = limit.design(values, fine)
+                    if design is not None and limit.error(design) < known:
+                        best[key] = limit.error(design), design
+
+    velocity, position = limit.ranges[:GAINS]
+    if velocity.fixed and position.fixed:
+        compare(None, iter([Gains(velocity.max, position.max)]))
+    elif position.fixed:
+        compare(0.0, _gains_of_corner(limit, 0.0, VELOCITIES))
+    else:
+        # with a corner above 1/lag, Re D < 0 at low frequency
+        corners = np.geomspace(0.3 * problem.transparency.band.min, 1 / problem.device.loop_lag, CORNERS)
+        for corner in [0.0, *map(float, corners)]:
+            compare(corner, _gains_of_corner(limit, corner, VELOCITIES))
+        for kind in sorted(best, key=lambda kind: best[kind])[:STARTS]:
+            for share in CLOSER_CORNERS:
+                K_v, K_p = best[kind][1][:GAINS]
+                for ratio in (corners[1] / corners[0]) ** np.array([-share, share]):
+                    compare(kind, _gains_of_corner(limit, float(K_p / K_v * ratio), VELOCITIES[:1]))
     return [design for _, design in sorted(best.values())[:STARTS]]
+
+
+def _gains_of_corner(limit: _Limit, corner: float, shares: Sequence[float]) -> Iterator[Gains]:
+    """Yield gains with a corner K_p/K_v, K_v as shares of the greatest that is permitted: near it most designs are
+    best."""
+    velocity, position = limit.ranges[:GAINS]
+
+    def at(K_v: float) -> Gains:
+        return Gains(K_v, position.max if position.fixed else max(position.min, K_v * corner))
+
+    if velocity.fixed:
+        yield at(velocity.max)
+        return
+    tried = velocity.max * WIDER ** -np.arange(0.0, WIDEST)
+    high = next((float(K_v) for K_v in tried if limit.permits(at(float(K_v)))), velocity.min)
+    low, high = high, min(WIDER * high, velocity.max)
+    for _ in range(CLOSER):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if limit.permits(at(middle)) else (low, middle)
+    yield from (at(max(low * share, velocity.min)) for share in shares)
 
 
 def _starts_of_scan(limit: _Limit, prepared: Prepared) -> list[Point]:

@@ -27,6 +27,7 @@ PER_DECADE = 480  # angles for any passive hand
 # First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
 ALIASED, MOST_BOXES = 2e-3, 20_000
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
+AT_ALL = 0.01  # Multiple of a wall below which an undamped device is at its limit only because it is undamped
 NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
@@ -61,7 +62,16 @@ def _in_any_hand(device: Device, seen: LookedAt, needed: float) -> Bears:
 
 def _in_hands(device: Device, seen: LookedAt, needed: float) -> Bears:
     loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
-    return lambda wall: bool(loops.limits(wall)[0].min() >= needed)
+    undamped = device.least_damping + min(hand.damping for hand in seen.hands) == 0
+    # where nothing else damps, a wall whose spring is later than its damper is unstable at every multiple down to 0,
+    # and at 0 every wall leaves a resonance with the hand's spring on the circle
+    late, least = (needed * device.loop_lag, AT_ALL) if undamped else (0.0, 0.0)
+
+    def bears(wall: SpringDamper) -> bool:
+        limits = loops.limits(wall)[0]
+        return bool(wall.damping >= late * wall.stiffness and limits[limits > least].min(initial=inf) >= needed)
+
+    return bears
 
 
 def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:

@@ -15,7 +15,7 @@ from vctune.model.numbers.units import Units, finite_hertz, in_full
 from vctune.model.parts import Unmodelled
 from vctune.model.worlds import OVER_LIMIT, World, Worlds
 from vctune.proof.claims.registry import ClaimId, claims_about
-from vctune.proof.outcome import Outcome, Verdict
+from vctune.proof.outcome import Outcome, Verdict, enclosed
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
@@ -246,6 +246,13 @@ class CertificateRecord(DisplayPart):
     whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
     least_hand: Hand | None = None  # what the proof of any passive hand counts on in every hand; null for nothing
 
+    def told(self, row: Row) -> Row:
+        """Return the row of a least ratio with a note if it is an estimate alone."""
+        labels = "unstable at", "least with walls", OVER_LIMIT, f"least {self.coupled} / R"
+        if row.label not in labels or enclosed(row.value, self.proved_ratio):
+            return row
+        return row._replace(unit=f"{row.unit}; estimated")
+
     @property
     def measured(self) -> str:
         """The name of the least ratio of all claims."""
@@ -259,10 +266,9 @@ class CertificateRecord(DisplayPart):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""
         shown = list(super().rows(units))
-        yield from shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
-        yield from self.any_hand.rows(units) if self.any_hand else ()
-        yield from self.hands.rows(units) if self.hands else ()
-        yield from self.wall.rows(units) if self.wall else ()
+        parts = [part for part in (self.any_hand, self.hands, self.wall) if part is not None]
+        first = shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
+        yield from map(self.told, [*first, *(row for part in parts for row in part.rows(units))])
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()
