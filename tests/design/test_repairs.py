@@ -32,6 +32,7 @@ from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
+from vctune.running import time_limit
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
@@ -154,12 +155,16 @@ def certified(text: str) -> bool:
     return solve(problem).status is Status.CERTIFIED
 
 
+LONG = 300.0  # A time limit, s, in place of the one that a search for repairs has of itself
+
+
 @cache
 def each_repair_suffices(text: str) -> list[dict]:
     """Write every repair into the file as printed and solve. A smaller step of the same value was not enough."""
     text = for_passive_hands(text)
     file = ProblemFile(parsed(text), text)
-    solved = with_repairs(file, solve(file.problem))
+    with time_limit(LONG):
+        solved = with_repairs(file, solve(file.problem))
     record = json.loads(json.dumps(design_record(file, solved), allow_nan=False))
     found = record["repairs"]
     assert found
@@ -173,11 +178,14 @@ def each_repair_suffices(text: str) -> list[dict]:
             if one.key == key and (one.limit > one.old) == (new > one.old)
         )
         before = change.applied(tomllib.loads(text), change.old + 0.9 * (new - change.old))
+        if old == 0:  # of which any share may suffice: it has no least change
+            continue
         assert change.switch or not certified(toml_text(before)), ("nine tenths of the way suffice", repair)
     assert len(found) <= 4
     ranks = [(repair["assumes"], repair["size"]) for repair in found]
     assert ranks == sorted(ranks)
-    again = with_repairs(file, solve(file.problem)).repairs
+    with time_limit(LONG):
+        again = with_repairs(file, solve(file.problem)).repairs
     assert [(each.key, each.new) for each in again] == [(each["key"], each["new"]) for each in found]
     return found
 

@@ -43,9 +43,9 @@ MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may 
 # of boxes of each proof and of all. They bound its time and, unlike seconds, give the same answer on every machine
 MOST_PROVED, SOLVED = 24, 2
 MOST_BOXES, MOST_BOXES_IN_ALL = 20_000, 60_000
-# Least and greatest time, s, of the search for repairs of a problem without a design; between, it takes as long as the
-# search for the design. A time limit that the user gives takes their place
-LEAST_SECONDS, MOST_SECONDS = 3.0, 10.0
+# Greatest time, s, of the search for repairs of a problem without a design. A time limit that the user gives takes its
+# place
+MOST_SECONDS = 10.0
 CLOSE, NEAR = 0.01, 0.05  # Shares of a change within which its limit is estimated, and found by proofs where it must be
 BACK = (0.0, 0.01, 0.03)  # Shares of a change beyond its estimated limit at which a proof is tried
 # Greatest number of halvings between a value that fails and one that passes, for a given design and for a problem that
@@ -72,8 +72,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     if out_of_time():
         return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
-    seconds = min(max(sum(solved.seconds.values()), LEAST_SECONDS), MOST_SECONDS) if seconds_left() == inf else inf
-    with time_limit(seconds), ended_by_interrupt():
+    with time_limit(MOST_SECONDS if seconds_left() == inf else inf), ended_by_interrupt():
         found = find_repairs(document, parameter_changes(document, problem), hands_of(judgement), progress)
         cut = (REPAIRS,) * out_of_time()
     seconds = perf_counter() - began

@@ -354,20 +354,23 @@ def _least(limit: _Limit, start: Point, step: float, most: int, close: float) ->
     shape = [k for k in free if k not in scaled[:1]]  # the first number of the coupling follows from the limit
     given = None if any(k < GAINS for k in shape) else limit.loops(Gains(*start[:GAINS]))
 
-    def at(logs: Floats) -> Point | None:
+    def at(logs: Floats, *, onto_bounds: bool) -> Point | None:
         values = list(start)
         for k, place in zip(shape, logs, strict=True):
-            values[k] = min(max(exp(float(place)), limit.ranges[k].min), limit.ranges[k].max)
+            values[k] = exp(float(place))
+            if onto_bounds:
+                values[k] = min(max(values[k], limit.ranges[k].min), limit.ranges[k].max)
         return limit.design(tuple(values), given or limit.loops(Gains(*values[:GAINS])))
 
-    def error(logs: Floats) -> float:
-        return limit.error(at(logs))
+    def error(logs: Floats, onto_bounds: bool) -> float:
+        return limit.error(at(logs, onto_bounds=onto_bounds))
 
     first = np.array([log(start[k]) for k in shape])
     ways = np.diag([-1.0 if k == 0 else 1.0 for k in shape])  # K_v is next to its limit, so that it becomes less
     for again in (1.0, 0.3) if shape else ():
         simplex = np.vstack([first, *(first + again * step * way for way in ways)])
         options = {"initial_simplex": simplex, "maxfev": most // 2, "xatol": close, "fatol": 1e-7}
-        first = minimize(error, first, method="Nelder-Mead", options=options).x
-    found = at(first)
+        # a simplex that is pressed onto a bound at first has lost a direction
+        first = minimize(error, first, (again < 1,), method="Nelder-Mead", options=options).x
+    found = at(first, onto_bounds=True)
     return None if found is None else (limit.error(found), found)
