@@ -276,14 +276,13 @@ def _wall(problem: Problem, judgement: Judgement) -> WallRecord | None:
     outcome = next(outcomes[claim] for claim in BEFORE_WALL if claim in outcomes)
     also: dict[str, Any] = (_boxes(problem.hands) | {"worst_hand": at.hand}) if at.hand else {}
     loop = judgement.closed_loop
-    assert loop is not None, "a wall closes a loop"
     return WallRecord(
         verdict=outcome.verdict.value,
         min_ratio=at.ratio,
         worst_hz=finite_hertz(at.omega),
-        peak_sensitivity=loop.peak,
-        peak_sensitivity_hz=hertz(loop.omega),
-        phase_margin_deg=degrees(loop.phase),
+        peak_sensitivity=loop and loop.peak,
+        peak_sensitivity_hz=loop and hertz(loop.omega),
+        phase_margin_deg=loop and degrees(loop.phase),
         boxes=outcome.boxes,
         **also,
     )

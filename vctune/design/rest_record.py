@@ -38,7 +38,13 @@ def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
     if q is not None and f is not None:
         found |= {"friction_N": f, "rests": rests(Design(device, gains, coupling))}
         passive = AT_THE_PORT in outcomes and outcomes[AT_THE_PORT].verdict is Verdict.PROVED
-        if passive and device.structure is None and _settle(_filters(judgement), gains, coupling):
+        # a wall that counts on a least hand may not come to rest when it is let go
+        if (
+            passive
+            and device.structure is None
+            and device.operator is None
+            and _settle(_filters(judgement), gains, coupling)
+        ):
             found["settles"] = True
     if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
         found["encoder"] = _chatter("encoder", problem, judgement, q)

@@ -179,14 +179,14 @@ class Judgement:
 
     @property
     def closed_loop(self) -> LoopOfWall | None:
-        """The peak of |S| and the phase margin of the loop that a wall closes in the least hand, those of the device of
-        the box whose peak is greatest; None without a wall."""
-        if not self.posed.problem.rigid:
+        """The peak of |S| and the phase margin of the loop that a wall closes on the nominal device in the least hand;
+        None without a wall that is proved, because a loop that may be unstable has no margins."""
+        if not self.posed.problem.rigid or self.status is not Status.CERTIFIED:
             return None
-        hands, wall = self.posed.problem.hands_met, self.coupling
+        hands, least, wall = self.posed.problem.hands_met, self.device.operator, self.coupling
         assert isinstance(wall, SpringDamper)
-        hand = Hand(0.0, 0.0, 0.0) if hands is None else hands.low
-        return max((loop_of_wall(case.device, wall, hand) for case in self.posed.cases), key=lambda loop: loop.peak)
+        always = Hand(0.0, 0.0, 0.0) if least is None else Hand(least.mass, least.damping, 0.0)
+        return loop_of_wall(self.device, wall, always if hands is None else hands.low)
 
     @property
     def before_wall(self) -> LeastRatio | None:

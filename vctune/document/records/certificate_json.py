@@ -182,16 +182,13 @@ class WallRecord(Part):
     min_ratio: Annotated[Number, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
     worst_hz: Number
     worst_hand: Hand | None = None
-    # of the loop that the wall closes, in the least of the hands
-    peak_sensitivity: Annotated[Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz, of the wall's loop {unheld}")]
+    # of the loop that the wall closes on the nominal device in the least of the hands; null if it is not proved
+    peak_sensitivity: Annotated[
+        Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz, of the wall's loop in the least hand")
+    ]
     peak_sensitivity_hz: Number
-    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg, of the wall's loop {unheld}")]
+    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg, of the wall's loop in the least hand")]
     boxes: int
-
-    @property
-    def unheld(self) -> str:
-        """Where the wall's loop has its margins."""
-        return "without a hand" if not self.box or not any(low for low, _ in self.box.values()) else "in the least hand"
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the verdict with the hands, and the least multiple of the wall that is unstable."""
@@ -199,7 +196,7 @@ class WallRecord(Part):
         yield verdict._replace(unit="" if self.box is None else self.hands("", units))
         hand = "" if self.worst_hand is None else f" in the hand of {self.worst_hand.in_words(units)}"
         yield limit._replace(unit=limit.unit + hand)
-        yield from margins
+        yield from (margin for margin in margins if margin.value != "none")
 
     def hands(self, passive: str, units: Units) -> str:
         """Return the hands of the claim in words, if it is one of any passive hand with its own words."""

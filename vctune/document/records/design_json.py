@@ -168,6 +168,7 @@ class UncertaintyRecord(Part):
 SAME_ERROR = 1e-6
 # Groups of the nominal device in a problem with a box of devices, and those of their rows that are of every device
 NOMINAL = frozenset({"transparency", "in the hand", "velocity loop"})
+OF_WALL = frozenset({"peak |S|", "phase margin"})  # rows of the certificate that are of the nominal device
 OF_EVERY_DEVICE = frozenset({"peak |S|", "unstable poles"})
 # Status of a design for each verdict of its certificate
 STATUSES = {"proved": "certified", "refuted": "violated", "undecided": "undecided"}
@@ -340,6 +341,7 @@ class DesignRecord(SealedDocument):
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
         result = {title: list(rows(part, self.units)) for title, part in parts.items() if part is not None}
         if self.uncertainty is not None:
+            result["certificate"] = [row.nominal() if row.label in OF_WALL else row for row in result["certificate"]]
             for title in NOMINAL & result.keys():
                 result[title] = [row if row.label in OF_EVERY_DEVICE else row.nominal() for row in result[title]]
         if self.rule == "euler":  # which has no damper in series
