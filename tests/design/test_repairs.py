@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import tomllib
 from functools import cache, reduce
 from math import pi
@@ -470,15 +471,30 @@ def test_no_other_rate_is_offered_where_coefficients_are_of_one(filtered, offere
     assert ("device.sample_time" in keys) is offered
 
 
+NO_DRAG = {
+    "device": {"mass": 7.0, "damping": 20.0, "sample_time": 0.002, "delay": 0.003},
+    "coupling": {"drag": 0.0},
+    "stability": {"band_hz": [0.2, 30.0]},
+}
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_the_repairs_that_were_found():
+    def interrupted(stage: str) -> None:
+        if stage.endswith("found"):
+            signal.raise_signal(signal.SIGINT)
+
+    file = vctune.problem(NO_DRAG)
+    cut = with_repairs(file, solve(file.problem), interrupted)
+    whole = with_repairs(file, solve(file.problem))
+    assert repairing.REPAIRS in cut.cut and not whole.cut
+    assert 0 < len(cut.repairs) < len(whole.repairs)
+
+
 @pytest.mark.slow
 def test_what_cannot_be_proved_is_answered_soon_with_repairs():
     """Without drag nothing opposes a drift in limp hands; the search for repairs ends before those of a long proof."""
-    tables = {
-        "device": {"mass": 7.0, "damping": 20.0, "sample_time": 0.002, "delay": 0.003},
-        "coupling": {"drag": 0.0},
-        "stability": {"band_hz": [0.2, 30.0]},
-    }
     began = perf_counter()
-    solved = vctune.solve(tables)
+    solved = vctune.solve(NO_DRAG)
     assert solved.judgement is None and perf_counter() - began < 20
     assert "coupling.drag" in {repair.key for repair in solved.repairs}

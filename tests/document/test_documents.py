@@ -374,8 +374,9 @@ def test_a_maximum_alone_is_a_range_from_0(table):
     ],
 )
 def test_ranges_that_lack_an_end_or_the_value_are_told(text, said):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=said) as told:
         parse_problem(ARM + text, "", "x")
+    assert len(told.value.mistakes) == 1
 
 
 def test_a_range_of_a_device_is_that_of_its_share():

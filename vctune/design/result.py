@@ -87,12 +87,13 @@ class Solved:
 
     @property
     def cut_short(self) -> list[Note]:
-        """Notes on the stages that a time limit cut short."""
+        """Notes on the stages that a time limit, their own or the user's, or Ctrl-C cut short."""
         if not self.cut:
             return []
         *others, last = dict.fromkeys(self.cut)
         what = f"{', '.join(others)} and {last}" if others else last
-        return [Note("time-limit", f"the time limit cut {what} short; what is stated was known by then")]
+        ended = f"the end of the time cut {what} short; what is stated was known by then, and --time-limit gives more"
+        return [Note("time-limit", ended)]
 
     def loop(self, hand: Hand | None = None) -> Loop:
         """Return the sampled loop with the design, for arrays, state space and python-control.

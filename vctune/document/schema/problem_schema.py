@@ -298,7 +298,9 @@ class StabilityTable(Table):
         "refuses gains with a smaller ratio.",
     )
     max_sensitivity: Positive = Field(
-        2.0, description="Greatest permitted |S| of the exact sampled loop, up to the Nyquist frequency."
+        2.0,
+        description="Greatest permitted |S| of the exact sampled velocity loop, up to the Nyquist frequency; without "
+        "effect on a servo, and on the loop that a wall closes.",
     )
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",

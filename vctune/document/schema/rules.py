@@ -348,6 +348,8 @@ def _ranged(file: Stated, key: str) -> Found:
     """Yield the faults of a range of a parameter, which lies around the value that the device states."""
     (low, high), path = file.reach(key), ("uncertainty", key)
     stated = file(f"device.{key}", 0.0 if key in MAY_BE_ZERO else nan)
+    if isnan(low) or isnan(high):  # an end that is missing, which is told as that
+        return
     if low > high:
         yield path, f"min = {low:g} is above max = {high:g}; swap them"
     elif stated < low or stated > high:
