@@ -137,11 +137,13 @@ def test_what_is_proved_and_a_hand_in_which_it_grows_are_told(arm, monkeypatch):
 UNSPRUNG = {"stiffness": six(0.0)}
 
 
-def restated(folder, axis, repair):
-    """Write a file with one number changed as a refusal says."""
-    key = repair["key"].split(".")[1]
-    new = {"mass": six, "damping_ratio": six, "filter_coefficient": str}.get(key, lambda rate: damped(2.5, rate))
-    changed(folder, **(axis | {"damping_ratio" if key == "joint_damping" else key: new(repair["new"])}))
+def pasted(folder, line):
+    """Write the file with a line as a refusal prints it, under its dotted name."""
+    name, value = line.partition(".")[2].split(": ", 1)
+    text = (folder / "ros.yaml").read_text()
+    text, places = re.subn(rf"^(\s*{name}:).*$", rf"\1 {value}", text, flags=re.MULTILINE)
+    text = text if places else text.replace("admittance:", f"admittance:\n        {name}: {value}")
+    (folder / "ros.yaml").write_text(text)
 
 
 @pytest.mark.slow
@@ -157,8 +159,9 @@ def test_what_would_help_does(arm, axis, words):
     own = [repair for repair in found["repairs"] if repair["chooses"]]
     assert own and {repair["key"].split(".")[1] for repair in own} <= {*words.split()}
     for repair in own:
-        assert f"{repair['key']} = {repair['new']:.12g} instead of {repair['old']:.12g}" in done.stdout
-        restated(arm, axis, repair)
+        assert f"{repair['needs']} instead of {repair['old']:.12g}" in done.stdout
+        changed(arm, **axis)
+        pasted(arm, repair["needs"])
         assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
 
 

@@ -107,6 +107,7 @@ class AdmittanceFile:
     rate: tuple[str, float, int] | None = None  # key, value, Hz, and line of the stated update_rate
     notes: tuple[Note, ...] = field(default=())  # warnings about the file
     load: Load | None = None  # the tool; None if the file states no weight
+    lists: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # numbers of all of `AXES` by their key
 
 
 # Message about a controller that does not render a mass with drag
@@ -245,7 +246,9 @@ class _Reader:
         )
         lines = {key: self._line(key) or 1 for key in (*TUNED, WEIGHT)}
         self._note_unknown()
-        return AdmittanceFile(tuple(axes), coefficient, selection, lines, notes=tuple(self._notes), load=load)
+        lists = {"admittance.mass": tuple(masses), "admittance.damping_ratio": tuple(ratios)}
+        notes = tuple(self._notes)
+        return AdmittanceFile(tuple(axes), coefficient, selection, lines, notes=notes, load=load, lists=lists)
 
     def _load(self) -> Load | None:
         """Return the tool; None without a weight."""

@@ -34,7 +34,7 @@ from vctune.design.ros.admittance import (
 )
 from vctune.document.reading import ProblemFile, problem_at, problem_file
 from vctune.document.records.design_json import Repair
-from vctune.document.ros import GRAVITY, HEAVIEST, LIGHTEST, TUNED, WEIGHT, Admittance, AdmittanceFile
+from vctune.document.ros import AXES, GRAVITY, HEAVIEST, LIGHTEST, TUNED, WEIGHT, Admittance, AdmittanceFile
 from vctune.document.schema.validation import KeyPath
 from vctune.document.text import toml
 from vctune.document.text.errors import Code, InputError, Note
@@ -239,6 +239,8 @@ def _checked(
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
     repairs = repairs_of_axis(document, file.problem, judgement, given.rate, progress)
+    if repairs.repairs:
+        repairs = repairs._replace(repairs=[_in_yaml(repair, given, axis) for repair in repairs.repairs])
     lighter = _lighter_tool(document, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]
@@ -315,8 +317,7 @@ def repairs_of_axis(
     changes = [*_of_file(document), *parameter_changes(as_problem(document), problem)]
     others = ("coupling", "tool") if "gravity_compensation" in document else ("coupling",)
     own = [each for each in changes if each.path[0] not in others and (rate is None or each.path[-1] != RATE)]
-    found = find_repairs(document, own, hands_of(judgement), progress, _posed)
-    return found._replace(repairs=found.repairs and [_in_yaml(repair) for repair in found.repairs])
+    return find_repairs(document, own, hands_of(judgement), progress, _posed)
 
 
 def _lighter_tool(document: dict[str, Any], judgement: Judgement, progress: Progress) -> str:
@@ -337,8 +338,15 @@ def _posed(document: dict[str, Any]) -> Problem | None:
     return problem and followed(problem)
 
 
-def _in_yaml(repair: Repair) -> Repair:
-    return repair.model_copy(update={"needs": f"{repair.key}: {repair.new!r}"}) if repair.key in TUNED else repair
+def _in_yaml(repair: Repair, given: AdmittanceFile, axis: Admittance) -> Repair:
+    """Return a repair whose line belongs into the parameter file: a list changes every selected axis like this one."""
+    if repair.key not in TUNED:
+        return repair
+    value: Any = repair.new
+    if values := given.lists.get(repair.key):
+        alike = {other.axis for other in given.axes if replace(other, axis=axis.axis) == axis}
+        value = [repair.new if name in alike else old for name, old in zip(AXES, values, strict=True)]
+    return repair.model_copy(update={"needs": f"{repair.key}: {value!r}"})
 
 
 def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:

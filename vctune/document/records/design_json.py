@@ -109,9 +109,9 @@ class Repair(Part):
     error: float  # transparency error of the repaired design
 
     def __str__(self) -> str:
-        if self.turns_off:
-            return f"{self.needs} instead of true"
-        return f"{self.key} = {text(self.new, 12)} instead of {self.told_old}"
+        whole = self.turns_off or self.needs.startswith(f"{self.key}:")  # a line of YAML
+        told = self.needs if whole else f"{self.key} = {text(self.new, 12)}"
+        return f"{told} instead of {self.told_old}"
 
     @property
     def told_old(self) -> str:
