@@ -230,3 +230,50 @@ def test_a_velocity_that_was_read_is_enough(friction, tmp_path):
         number = next(each for each in found.numbers if each.key == key)
         assert number.low <= truth <= number.high, number
     assert (found.friction.coulomb if found.friction else 0.0) == pytest.approx(friction, abs=3e-3)
+
+
+def position_loop(seed, seconds=10.0, T=1e-3, parts=16):
+    """Return mass, dampings and latency of a device in a position loop, and its log; stepped in parts of a row.
+
+    Viscous and dry friction differ by direction; near rest the friction is greater (Stribeck) and smooth.
+    """
+    random = np.random.default_rng(seed)
+    mass, delay = random.uniform(0.3, 2.0), T * random.integers(2, 30) / parts
+    damping = mass * random.uniform(2.0, 8.0) * np.array([1.0, random.uniform(1.2, 1.5)])
+    dry = 0.15 * damping * random.uniform(0.8, 1.2, 2)
+    more, speed_of_more = random.uniform(0.0, 0.4), 0.008
+    t = np.arange(round(seconds / T)) * T
+    hertz, phases = random.uniform(0.2, 4.0, 6), random.uniform(0, 2 * np.pi, 6)
+    wanted = np.sum(0.03 / hertz[:, None] ** 0.7 * np.sin(2 * np.pi * hertz[:, None] * t + phases[:, None]), axis=0)
+    K_d = mass * 60.0
+    K_p = K_d * 20.0
+    x = v = last = 0.0
+    commands, positions = [0.0] * 4, []
+    whole, late = divmod(round(delay / T * parts), parts)
+    for row, goal in enumerate(wanted):
+        read = 1e-6 * round(x / 1e-6)
+        ahead = (wanted[min(row + 1, t.size - 1)] - goal) / T
+        commands.append(round(K_p * (goal - read) + K_d * (ahead - (read - last) / T), 3))
+        last = read
+        positions.append(read)
+        for part in range(parts):
+            force = commands[-1 - whole - (part < late)]
+            way = int(v < 0)
+            rubs = dry[way] * np.tanh(v / 1e-3) * (1 + more * np.exp(-((v / speed_of_more) ** 2)))
+            h = T / parts
+            faster = v + h * (force - rubs - damping[way] * v) / mass / (1 + damping[way] * h / (2 * mass))
+            x, v = x + h * (v + faster) / 2, faster
+    log = Log({"time_s": t, "position_m": np.array(positions), "command_N": np.array(commands[4:])}, "")
+    return mass, damping, delay, log
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_friction_that_differs_by_direction_is_told(tmp_path, seed):
+    """The box holds both dampings, mass and delay, and is no wider than these differ, or a fiftieth of the mass."""
+    mass, damping, delay, log = position_loop(seed)
+    found = identify(*log.write(tmp_path)).found
+    boxes = {key: found.bounded(key) for key in ("mass", "damping", "delay")}
+    assert boxes["mass"].low < mass < boxes["mass"].high < 1.021 * boxes["mass"].low
+    assert boxes["delay"].low <= delay <= boxes["delay"].high < boxes["delay"].low + 3e-4
+    assert boxes["damping"].low < damping.min() and damping.max() < boxes["damping"].high
+    assert boxes["damping"].high - boxes["damping"].low < 1.5 * (damping.max() - damping.min())

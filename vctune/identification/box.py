@@ -15,6 +15,7 @@ CONFIDENCE = 0.95  # Probability with which all intervals of a box hold at the s
 DELAY_FLOOR = 0.1  # Least half-width of a delay, in sample times
 FLOORS = {"structure.frequency_hz": 0.005}  # Least relative half-widths by key, if not 0.01
 COULOMB_SHARE = 0.1  # Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact
+COULOMB_SHARE_MOVING = 0.01  # The same where only motion that keeps its direction is fitted
 LIGHTER = 1 - 1e-3  # Greatest permitted mass of the handle, relative to the least mass of the device
 
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from vctune.document.recording import Floats
 from vctune.identification.stepped import Drive, Numbers, stepped
 
-SCALED = ("mass", "handle_mass", "frequency_hz", "damping_ratio", "lag")  # Positive numbers, moved by their logarithms
-NOT_NEGATIVE = ("damping", "coulomb")
+# Positive numbers, moved by their logarithms
+SCALED = ("mass", "handle_mass", "frequency_hz", "damping_ratio", "lag", "stribeck")
+NOT_NEGATIVE = ("damping", "damping_back", "coulomb", "stiction")
 STEPS, TRIED, ENOUGH = 40, 10, 1e-5  # Gauss-Newton steps, those near an end, and the least relative gain of a step
 LONGEST_STEP, LONGEST_DELAY = 0.7, 2.0  # Greatest change in a step: of a logarithm, and of a delay in rows
 LEAST_DAMPED, MOST_DAMPED = 1e-7, 1e4  # Range of Marquardt's damping
@@ -58,9 +59,12 @@ class Task:
         """Return the step of a derivative by each number."""
         T, mass, push = self.drive.T, numbers.get("mass", 1.0), self.drive.greatest
         known = {"mass": 3e-3, "handle_mass": 0.01, "frequency_hz": 3e-3, "damping_ratio": 0.05, "lag": 0.02}
-        known |= {"damping": 0.01 * numbers.get("damping", 0.0) + 1e-3 * mass, "offset": 2e-3 * push}
+        known |= {key: 0.01 * numbers.get(key, 0.0) + 1e-3 * mass for key in ("damping", "damping_back")}
         known |= {
+            "offset": 2e-3 * push,
             "coulomb": 2e-3 * push,
+            "stiction": 2e-3 * push,
+            "stribeck": 0.05,
             "cosine": 0.1 * mass,
             "gain": 1e-3,
             "delay": 0.05 * T,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin, sqrt
 
@@ -11,14 +10,15 @@ import numpy as np
 from vctune.document.recording import Recording
 from vctune.document.records.identification_json import Estimate, NumberRecord
 from vctune.document.text.errors import Note, coded
-from vctune.identification.box import COULOMB_SHARE, box, left_to_the_hand, unexplained
+from vctune.identification.box import COULOMB_SHARE, COULOMB_SHARE_MOVING, box, left_to_the_hand, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all
-from vctune.identification.remainder import halves, motion_of, share_left, spectrum
+from vctune.identification.remainder import halves, motion_of, root_mean_square_speed, share_left, spectrum
 from vctune.identification.search import (
     LONGEST,
     SIGNIFICANT,
     WHITE,
+    Found,
     in_segments,
     mechanism_fit,
     starts_of,
@@ -67,7 +67,7 @@ def mechanism_study(recording: Recording, T: float, fixed: Numbers, *, held: boo
     )  # fmt: skip
     return Study(
         recording, record,
-        [*estimates_of(recording.name, fit, found.others), *motor],
+        [*estimates_of(recording.name, found), *motor],
         lines=lines,
         curves=curves,
         remarks=remarks,
@@ -121,32 +121,28 @@ def pull_of(fit: Fit) -> float | None:
     return stiffness if force > FELT * pushed and abs(stiffness) > SIGNIFICANT * unsure else None
 
 
-def estimates_of(source: str, fit: Fit, others: Sequence[Mapping[str, float]]) -> list[Estimate]:
+def estimates_of(source: str, found: Found) -> list[Estimate]:
     """Return the estimates of the parameters that a problem file states.
 
-    Each reaches as far as halves of the log differ, or fits with other weights or beside a lag do.
+    Each reaches as far as halves of the log differ, or fits with other weights or beside a lag do; the damping further
+    where a part of the dry friction may pass for it.
     """
-    numbers, sigma, apart, found = fit.numbers, fit.sigmas(), halves(fit), list[Estimate]()
-    rubbing = COULOMB_SHARE * numbers.get("coulomb", 0.0) / (root_mean_square_speed(fit) + 1e-300)
+    fit, estimates = found.fit, list[Estimate]()
+    numbers, sigma, apart = fit.numbers, fit.sigmas(), halves(fit)
+    share = COULOMB_SHARE_MOVING if found.moving else COULOMB_SHARE
+    rubbing = share * numbers.get("coulomb", 0.0) / (root_mean_square_speed(fit) + 1e-300)
     for name in (name for name in KEYS if name in numbers):
         value, unsure = numbers[name], sigma[name]
-        excess = max(0.0, max(apart[name], *(abs(value - each[name]) for each in others)) - 2 * unsure)
+        excess = max(0.0, max(apart[name], *(abs(value - each[name]) for each in found.others)) - 2 * unsure)
         one = Estimate(KEYS[name], value, unsure, f"{source}: motion", (excess, excess))
-        if name == "damping" and rubbing > excess:
+        if name.startswith("damping") and name != "damping_ratio" and rubbing > excess:
             one = replace(one, excess=(rubbing, rubbing), reason=DRY if noise_is_all(fit) else FRICTION)
         elif name == "lag":
             hertz = 1 / (2 * pi * value)
             ends = (hertz - 1 / (2 * pi * (value + excess)), excess / value * hertz)
             one = replace(one, value=hertz, sigma=hertz * unsure / value, excess=ends)
-        found.append(one)
-    return found
-
-
-def root_mean_square_speed(fit: Fit) -> float:
-    """Return the root mean square of the fitted speed, m/s."""
-    made = motion_of(fit).fitted.reshape(fit.task.starts.size, -1)
-    speeds = np.diff(made, axis=1) / fit.task.drive.T if fit.task.drive.reads[0] == 0 else made
-    return float(np.sqrt(np.mean(speeds**2)))
+        estimates.append(one)
+    return estimates
 
 
 def lines_of(fit: Fit) -> Lines:

@@ -12,6 +12,7 @@ from vctune.identification.study import Curves
 
 CLEAR = 0.02  # Greatest relative standard deviation of a frequency's ratio
 LOWEST, HIGHEST = 2, 0.45  # Lowest frequency, in steps of the spectrum, and highest, as a share of the sampling rate
+LOUD = 100.0  # Least power of the fitted motion over that of the readings' noise, which a closed loop feeds back
 EXCITED = 2.5e-3  # Least power of the input at a frequency, as a share of the greatest
 
 
@@ -21,6 +22,13 @@ def motion_of(fit: Fit) -> Curves:
     time = task.drive.T * (task.starts[:, None] + np.arange(task.rows))
     columns = (time, measured.T * unit, (measured - fit.left[:, 0]).T * unit)
     return Curves(*(np.asarray(each.ravel(), dtype=float) for each in columns))
+
+
+def root_mean_square_speed(fit: Fit) -> float:
+    """Return the root mean square of the fitted speed, m/s."""
+    made = motion_of(fit).fitted.reshape(fit.task.starts.size, -1)
+    speeds = np.diff(made, axis=1) / fit.task.drive.T if fit.task.drive.reads[0] == 0 else made
+    return float(np.sqrt(np.mean(speeds**2)))
 
 
 def share_left(fit: Fit) -> float:
@@ -51,25 +59,28 @@ def spectrum(fit: Fit) -> tuple[Floats, Complex, Floats]:
     pushed = np.zeros(hertz.size)
     for each in (task.drive.input, task.drive.hand):
         if each is not None and np.ptp(each) > 0:
-            told = each[task.starts + np.arange(len(made))[:, None]]
+            told = each[: len(each) // len(made) * len(made)].reshape(-1, len(made)).T  # of the whole log
             found = np.sum(np.abs(np.fft.rfft(window * (told - told.mean(axis=0)), axis=0)) ** 2, axis=1)
             pushed = np.maximum(pushed, found / found.max())
     inside = (np.arange(hertz.size) >= LOWEST) & (hertz < HIGHEST / T) & (pushed > EXCITED)
-    clear = inside & (spread < CLEAR)
+    heard = power > LOUD * M.shape[1] * np.sum(window**2) * (2 * np.sin(np.pi * hertz * T)) ** (2 * order)
+    clear = inside & heard & (spread < CLEAR)
     return hertz[clear], 1 + off[clear], spread[clear]
 
 
 def halves(fit: Fit) -> dict[str, float]:
-    """Return by how much each number differs between halves of the log: in time, or in frequency, the greater.
+    """Return by how much each number differs between halves of the log: in time, speed, or frequency, the greatest.
 
     Each half has half of what the log tells of the number; the estimates of both are to first order.
     """
     flat = fit.residual.reshape(-1, fit.residual.shape[-1]).T
     weights = fit.slopes @ fit.inverse
-    in_time = fit.scores, np.einsum("sij,sij->sj", weights, weights)
+    told = np.einsum("sij,sij->sj", weights, weights)
+    by_speed = np.argsort(np.std(fit.task.measured()[:, 0], axis=0))
     W, R = np.fft.rfft(weights, axis=1), np.fft.rfft(flat, axis=1)
     in_band = np.einsum("sij,si->ij", np.conj(W), R).real, np.einsum("sij,sij->ij", np.conj(W), W).real
-    found = np.maximum(_half(*in_time), _half(*in_band) / fit.residual.shape[0] * 2)
+    in_segments = np.maximum(_half(fit.scores, told), _half(fit.scores[by_speed], told[by_speed]))
+    found = np.maximum(in_segments, _half(*in_band) / fit.residual.shape[0] * 2)
     return {name: abs(each) for name, each in in_units(fit.numbers, fit.steps, found).items()}
 
 

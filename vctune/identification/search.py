@@ -13,7 +13,7 @@ from vctune.document.schema.rules import FASTEST, MAX_DELAY_SAMPLES
 from vctune.identification.box import DELAY_FLOOR
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, TRIED, Fit, Task, fitted, noise_is_all, whitened
-from vctune.identification.remainder import share_left
+from vctune.identification.remainder import root_mean_square_speed, share_left
 from vctune.identification.stepped import Drive
 
 # Length of a segment in the search for the parts, and in the last fit: in seconds, and at most as a share of the log
@@ -23,7 +23,11 @@ LONGEST = 300_000  # Rows of a log that are used
 SMOOTHINGS = (4, 8, 16, 32, 64)  # Deviations of the Gaussians of the first regressions, rows
 DELAYS = np.concatenate([np.arange(0.0, 12.0, 0.5), np.arange(12.0, 100.0, 4.0)])  # That the regressions try, rows
 LATE = np.arange(100.0, MAX_DELAY_SAMPLES, 8.0)  # More of them for a servo
+# Share of the greatest speed below which friction is not Coulomb's; least segments above it, and their least share of
+# the log, with which they are the log
+SLOW, LEAST_MOVING, MOVING = 0.05, 16, 0.25
 FRICTIONS = (1e-3, 0.1, 0.02)  # Coulomb friction of the first starts at least, as a share of the greatest command
+STRIBECK = (0.02, 0.06, 0.2)  # First speeds of Stribeck's curve, as shares of the root mean square of the speed
 RUBS = 5e-3  # Share of the greatest force below which a first friction is none
 GLANCED = 3  # Gauss-Newton steps from each start of a part on trial
 CLEAR_GAIN = 15.0  # Least gain of a part that stays
@@ -68,6 +72,27 @@ def in_segments(task: Task, length: tuple[float, float], most: int, first: int =
     starts = first + np.arange(n // rows) * rows
     starts = starts[np.unique(np.linspace(0, starts.size - 1, most).astype(int))]
     return replace(task, starts=starts, rows=rows, white=(1.0,))
+
+
+def in_motion(task: Task, length: tuple[float, float], most: int) -> Task | None:
+    """Return a task in segments in which the speed keeps its sign and is not small, where friction is what it is near
+    rest in no model; None if they are few, or a small part of the log."""
+    from scipy.ndimage import gaussian_filter1d
+
+    if task.drive.reads[0] != 0:
+        return None
+    whole = in_segments(task, length, most)
+    rows, place = whole.rows, task.read[:, 0] * task.unit[0]
+    speed = np.abs(gaussian_filter1d(place, max(2.0, rows / 16), order=1))
+    moves = np.concatenate([[False], speed > SLOW * np.quantile(speed, 0.99), [False]])
+    starts = list[int]()
+    for begins, ends in np.flatnonzero(np.diff(moves)).reshape(-1, 2):
+        count = (ends - begins) // rows
+        starts += range(begins + (ends - begins - count * rows) // 2, ends - rows + 1, rows)[:count]
+    if len(starts) < LEAST_MOVING or len(starts) * rows < MOVING * len(place):
+        return None
+    kept = np.unique(np.linspace(0, len(starts) - 1, most).astype(int))
+    return replace(whole, starts=np.array(starts)[kept])
 
 
 def regression(task: Task, smoothing: int) -> Start:
@@ -132,11 +157,16 @@ def parts_on_trial(fit: Fit, rotary: bool) -> Iterator[list[dict[str, float]]]:
     """Yield the parts that a device may have more than a fit has, each as starts, the cheapest first."""
     numbers, task = fit.numbers, fit.task
     T, push = task.drive.T, task.drive.greatest
+    if "damping_back" not in numbers and not noise_is_all(fit, 1.0):
+        yield [numbers | {"damping_back": numbers["damping"]}]
     if "lag" not in fit.known and not task.drive.ramp and "delay" in numbers:
         lags = [max(share * numbers["delay"], T / 4) for share in (0.2, 0.5, 0.8)]
         yield [numbers | {"lag": lag, "delay": numbers["delay"] - lag} for lag in lags]
     if "coulomb" not in numbers:
         yield [numbers | {"coulomb": share * push} for share in (0.02, 0.1)]
+    if "coulomb" in numbers and "stiction" not in numbers and not noise_is_all(fit, 1.0):
+        speed = root_mean_square_speed(fit)
+        yield [numbers | {"stiction": 0.2 * numbers["coulomb"], "stribeck": share * speed} for share in STRIBECK]
     if rotary and "stiffness" in numbers:
         others = {name: value for name, value in numbers.items() if name != "stiffness"}
         yield [others | {"sine": numbers["stiffness"], "cosine": 0.0}]
@@ -214,18 +244,20 @@ def tried(fit: Fit, starts: Sequence[dict[str, float]]) -> Fit | None:
         return min(ended, key=lambda each: each.cost, default=None)
 
 
-def last(task: Task, numbers: Mapping[str, float]) -> tuple[Fit, float]:
-    """Return the fit over the whole log, and the share of the motion that it leaves.
+def last(task: Task, numbers: Mapping[str, float], moving: bool) -> tuple[Fit, float]:
+    """Return the fit over the whole log, or its segments in motion, and the share of the motion that it leaves.
 
     Where more than noise is left, short segments, in which the error of a model does not grow, and weights that make
     the residual white fit the log again.
     """
-    found = fitted(task, numbers)
-    if found.size < WHITE:
+    short = in_motion(task, SHORT, FITTED) if moving else in_segments(task, SHORT, FITTED)
+    long = in_motion(task, LONG, FITTED) if moving else task
+    assert short is not None
+    if long is not None and (found := fitted(long, numbers)).size < WHITE:
         return found, share_left(found)
-    found = fitted(in_segments(task, SHORT, FITTED), numbers)
+    found = fitted(short, numbers)
     share = share_left(found)
-    return whitened(whitened(found)), share
+    return (found if found.size < WHITE else whitened(whitened(found))), share
 
 
 def without_idle(fit: Fit) -> Fit:
@@ -235,6 +267,8 @@ def without_idle(fit: Fit) -> Fit:
         ("lag",),
         ("sine", "cosine"),
         ("stiffness",),
+        ("stiction", "stribeck"),
+        ("damping_back",),
         ("coulomb",),
     ):
         if names[0] not in fit.numbers or (names[0] == "handle_mass" and 2 in fit.task.drive.reads):
@@ -269,12 +303,14 @@ class Found:
     fit: Fit
     others: list[dict[str, float]]  # the numbers with other weights, and beside a lag that is not decisive
     share: float  # of the motion that the fit leaves
+    moving: bool  # whether it fits segments in motion alone
     agree: bool  # whether another start ends at the same device
 
 
 def mechanism_fit(task: Task, rotary: bool) -> Found:
     """Search the device that a log shows; one whose handle was read too is two masses from the start."""
-    short, starts = in_segments(task, SHORT, SEARCHED), starts_of(task)
+    moving, starts = in_motion(task, SHORT, SEARCHED), starts_of(task)
+    short = moving or in_segments(task, SHORT, SEARCHED)
     first = list[Fit]()
     for start, share in zip(starts, FRICTIONS, strict=False):
         numbers = begun(task, start, share)
@@ -297,11 +333,12 @@ def mechanism_fit(task: Task, rotary: bool) -> Found:
             agree = True
         if agree:
             break
-    fit, share = last(task, best.numbers)
+    fit, share = last(task, best.numbers, moving is not None)
     fit = without_idle(fit)
-    others = [fitted(in_segments(task, SHORT, FITTED), fit.numbers, None, TRIED).numbers]
+    segments = in_motion(task, SHORT, FITTED) if moving else in_segments(task, SHORT, FITTED)
+    others = [fitted(segments or short, fit.numbers, None, TRIED).numbers]
     for parts in parts_on_trial(fit, rotary=False):
         rival = tried(fit, parts) if "lag" in parts[0] and "lag" not in fit.numbers else None
         if rival is not None and possible(rival) and gain(fit, rival) > 0:
             others.append(rival.numbers | {"delay": rival.numbers["delay"] + rival.numbers["lag"]})
-    return Found(fit, others, share, agree)
+    return Found(fit, others, share, moving is not None, agree)

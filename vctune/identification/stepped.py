@@ -44,6 +44,11 @@ class Drive:
         return [*placed, 1, *([2, 3] if "handle_mass" in numbers else [])]
 
 
+def dampings(numbers: Numbers) -> tuple[float, float]:
+    """Return the damping while the position rises, and while it falls."""
+    return numbers["damping"], numbers.get("damping_back", numbers["damping"])
+
+
 def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
     """Return A and B of z' = A z + B (force, friction, hand) without friction and gravity, and the mass that rubs.
 
@@ -62,7 +67,7 @@ def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
     size = 2 + 2 * two + lag
     A, B = np.zeros((size, size)), np.zeros((size, 3))
     A[0, 1] = 1.0
-    A[1, :2] = -numbers.get("stiffness", 0.0) / motor, -numbers["damping"] / motor
+    A[1, :2] = -numbers.get("stiffness", 0.0) / motor, -sum(dampings(numbers)) / 2 / motor
     B[1, 1] = 1 / motor
     if lag:
         A[1, -1], A[-1, -1], B[-1, 0] = 1 / motor, -1 / numbers["lag"], 1 / numbers["lag"]
@@ -173,10 +178,23 @@ class Rubbing:
     """What is not linear in the devices, each of shape (devices, 1)."""
 
     friction: Floats  # Coulomb's
+    stiction: Floats  # that it has more at rest, by Stribeck's curve
+    stribeck: Floats  # speed at which a part exp(-1) of that is left
+    apart: Floats  # half of what the damping has more while the position rises than while it falls
     sine: Floats  # gravity: sine and cosine of the position
     cosine: Floats
     motor: Floats  # mass that rubs
     force: Floats  # force on the motor by the states, shape (devices, 1, states)
+
+    @property
+    def holds(self) -> Floats:
+        """The greatest friction at rest."""
+        return self.friction + self.stiction
+
+    def against(self, speed: Floats, sign: Floats) -> Floats:
+        """Return the friction against a velocity of a sign, beyond the mean damping."""
+        more = self.stiction * np.exp(-((speed / self.stribeck) ** 2)) if self.stiction.any() else 0.0
+        return np.asarray((self.friction + more) * sign + self.apart * np.abs(speed))
 
 
 def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDArray[np.integer], rows: int) -> Floats:
@@ -192,7 +210,11 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     def of(name: str) -> Floats:
         return np.array([each.get(name, 0.0) for each in devices])[:, None]
 
-    rubbing = Rubbing(of("coulomb"), of("sine"), of("cosine"), motor[:, None], A[:, 1:2] * motor[:, None, None])
+    rubbing = Rubbing(
+        of("coulomb"), of("stiction"), np.maximum(of("stribeck"), 1e-300),
+        np.array([[(ahead - back) / 2] for ahead, back in map(dampings, devices)]) if not drive.servo else of("servo"),
+        of("sine"), of("cosine"), motor[:, None], A[:, 1:2] * motor[:, None, None],
+    )  # fmt: skip
     whole, late = late_rows(of("delay")[:, 0], drive.T)
     lengths = np.stack([late, drive.T - late])
     A_held, B_held = A.copy(), B.copy()
@@ -221,7 +243,7 @@ def _read(drive: Drive, parts: Sequence[Part], rubbing: Rubbing, z: Floats) -> F
     """Return the readings of all rows from the states at the first."""
     rows, (before, after) = len(parts[0].acting), parts
     read = np.empty((rows, len(drive.reads), len(z), z.shape[2]))
-    if not any(np.any(each) for each in (rubbing.friction, rubbing.sine, rubbing.cosine)):
+    if not any(np.any(each) for each in (rubbing.holds, rubbing.apart, rubbing.sine, rubbing.cosine)):
         F, pushed = after.F @ before.F, np.matmul(after.F, before.pushed) + after.pushed
         for i in range(rows):
             read[i] = z[:, drive.reads].transpose(1, 0, 2)
@@ -237,18 +259,21 @@ def _read(drive: Drive, parts: Sequence[Part], rubbing: Rubbing, z: Floats) -> F
 
 def _over(part: Part, i: int, z: Floats, rubbing: Rubbing) -> Floats:
     """Return the states after a part of row i, with friction and gravity."""
-    v, h, friction, motor = z[:, 1], part.length, rubbing.friction, rubbing.motor
+    v, h, holds, motor = z[:, 1], part.length, rubbing.holds, rubbing.motor
     middle = z[:, 0] + v * h / 2
     turning = -rubbing.sine * np.sin(middle) - rubbing.cosine * np.cos(middle)
     net, stands = (rubbing.force @ z)[:, 0] + part.rest[i] + turning, v == 0
     sign = np.sign(np.where(stands, net, v)) if stands.any() else np.sign(v)
-    new = part.F @ z + part.pushed[i] + part.G[:, :, 1:2] * (turning - friction * sign)[:, None]
-    d, s = np.nonzero(stands & (np.abs(net) <= friction))
+    rubs = rubbing.against(v, sign)
+    if rubbing.apart.any() or rubbing.stiction.any():  # which depend on the speed in the middle of the part
+        rubs = rubbing.against(np.maximum(v * sign + h / 2 * sign * (net - rubs) / motor, 0.0), sign)
+    new = part.F @ z + part.pushed[i] + part.G[:, :, 1:2] * (turning - rubs)[:, None]
+    d, s = np.nonzero(stands & (np.abs(net) <= holds))
     if d.size:
         inputs = part.acting[i, d, :, s][:, :, None]
         held = (part.F_held[d] @ z[d, :, s][:, :, None] + part.G_held[d] @ inputs)[:, :, 0]
         later = np.einsum("ij,ij->i", rubbing.force[d, 0], held) + (part.rest[i] + turning)[d, s]
-        more = np.maximum(np.abs(later) - friction[d, 0], 0.0)  # than friction holds at the end: it has begun to move
+        more = np.maximum(np.abs(later) - holds[d, 0], 0.0)  # than friction holds at the end: it has begun to move
         after = h[d, 0] * more / np.where(more > 0, np.abs(later) - np.sign(later) * net[d, s], 1.0)
         held[:, 1] = np.sign(later) * more * after / (2 * motor[d, 0])
         held[:, 0] += held[:, 1] * after / 3
@@ -257,9 +282,9 @@ def _over(part: Part, i: int, z: Floats, rubbing: Rubbing) -> Floats:
     if d.size:  # the velocity turns at a share of the part, where friction holds it or turns too
         share = v[d, s] / (v[d, s] - new[d, 1, s])
         later = np.einsum("ij,ij->i", rubbing.force[d, 0], new[d, :, s]) + (part.rest[i] + turning)[d, s]
-        stops = np.abs((1 - share) * net[d, s] + share * later) <= friction[d, 0]
+        stops = np.abs((1 - share) * net[d, s] + share * later) <= holds[d, 0]
         after = (1 - share) * h[d, 0]
-        change = 2 * friction[d, 0] * sign[d, s] * after / motor[d, 0]
+        change = 2 * holds[d, 0] * sign[d, s] * after / motor[d, 0]
         at_rest = z[d, 0, s] + share * h[d, 0] * v[d, s] / 2
         new[d, 0, s] = np.where(stops, at_rest, new[d, 0, s] + change * after / 2)
         new[d, 1, s] = np.where(stops, 0.0, new[d, 1, s] + change)

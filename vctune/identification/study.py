@@ -67,6 +67,7 @@ class Study:
 KEYS = {
     "mass": "mass",
     "damping": "damping",
+    "damping_back": "damping",
     "delay": "delay",
     "lag": "actuator.bandwidth_hz",
     "sensor_delay": "force_sensor.delay",
