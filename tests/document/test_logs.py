@@ -14,7 +14,7 @@ from identification_logs import driven, encoded
 from jsonschema import Draft202012Validator
 
 from vctune import identify
-from vctune.document.log import read_log, read_log_map
+from vctune.document.log import read_log, read_log_map, read_logs
 from vctune.document.recording import Channel, Recording
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
@@ -105,10 +105,10 @@ FAULTS = {
         lambda c: c | {"position_m": c["position_m"] + 0.3 * (np.arange(c["time_s"].size) >= 2000)},
         ["position_m: jumps by 0.", "in line 2002,", "two logs joined"],
     ),
-    "time backwards": (lambda c: c | {"time_s": _with(c["time_s"], 100, 0.0)}, [":102: time_s: runs backwards"]),
+    "time that starts again": (lambda c: c | {"time_s": c["time_s"] % 0.15}, [":152: time_s: runs backwards"]),
     "counts": (lambda c: c | {"position_m": np.round(c["position_m"] * 1e6)}, ["position_m", "counts"]),
-    "a gap": (
-        lambda c: {key: np.delete(values, slice(50, 60)) for key, values in c.items()},
+    "gaps": (
+        lambda c: {key: values.reshape(-1, 60)[:, :50].ravel() for key, values in c.items()},
         [":52: time_s", "10 samples"],
     ),
     "jitter": (lambda c: c | {"time_s": c["time_s"] + 4e-4 * np.sin(np.arange(6000.0))}, ["time_s", "jitters by"]),
@@ -147,6 +147,68 @@ def test_a_fault_is_named(log, tmp_path, fault):
     columns = spoil(log)
     message = refused(written(tmp_path, columns), tmp_path / "log.toml" if "position_rad" in columns else None)
     assert all(part in message for part in named), message
+
+
+FAR = {"a step back": [100], "a gap": [1500, 4100]}
+
+
+@pytest.mark.parametrize("fault", FAR)
+def test_the_longest_part_without_a_fault_of_its_time_is_used(log, tmp_path, fault):
+    """And which part it is, is said; it alone has the same numbers."""
+    time = log["time_s"].copy()
+    for row in FAR[fault]:
+        time[row:] += 0.5 if fault == "a gap" else -0.04
+    first, end = max(zip([0, *FAR[fault]], [*FAR[fault], time.size], strict=True), key=lambda ends: ends[1] - ends[0])
+    found = identify(written(tmp_path, log | {"time_s": time})).record
+    part = {key: values[first:end] for key, values in log.items()}
+    alone = identify(written(tmp_path, part | {"time_s": time[first:end]}, "alone.csv")).record
+    assert found.recordings[0].samples == end - first
+    assert [each.value for each in found.numbers] == pytest.approx([each.value for each in alone.numbers], rel=1e-3)
+    (said,) = (each for each in found.remarks if "[remark-cut]" in each)
+    assert f"lines {first + 2} to {end + 1}, {end - first} of {time.size} rows" in said
+
+
+def test_columns_that_no_role_names_may_hold_anything(log, plain, tmp_path):
+    path = written(tmp_path, log)
+    header, *rows = path.read_text().splitlines()
+    notes = ['"{""a"": 1, ""b"": [2]}"', "RUN", "", "nan", '"x,y"']
+    path.write_text("\n".join([f"{header},note", *(f"{row},{notes[i % 5]}" for i, row in enumerate(rows))]))
+    found = identify(path).record
+    assert [each.value for each in found.numbers] == [each.value for each in plain.numbers]
+    assert any("columns that were not used: note" in each for each in found.remarks)
+    assert any("position_m as position, command_N as command" in each for each in found.remarks)
+
+
+def test_rows_of_a_slower_loop_are_found_in_its_log(tmp_path, log):
+    """Five rows of the log for each of the loop: these are those in which the command changes."""
+    five = {key: np.repeat(values, 5) for key, values in log.items()}
+    T = float(log["time_s"][1] - log["time_s"][0])
+    five["time_s"] = np.arange(five["time_s"].size) * T / 5
+    steps = np.arange(five["time_s"].size)
+    five["position_m"] = np.interp(steps, steps[::5], log["position_m"])
+    config = tmp_path / "log.toml"
+    config.write_text(f"sample_time = {T!r}\n")
+    finer, plain = (
+        identify(written(tmp_path, five), config).record,
+        identify(written(tmp_path, log, "plain.csv")).record,
+    )
+    assert finer.sample_time == T and any("[remark-finer]" in each for each in finer.remarks)
+    assert [each.value for each in finer.numbers] == pytest.approx([each.value for each in plain.numbers], rel=2e-3)
+
+
+def test_one_log_of_a_device_may_have_fewer_columns(log, tmp_path):
+    """A column that the map names is missing in one of two logs; in both it is a fault."""
+    config = tmp_path / "log.toml"
+    config.write_text('[columns]\nhand = "pushed_N"\n[columns.command]\ncolumn = "u"\nscale = 1.0\n')
+    one = {("u" if key == "command_N" else key): values for key, values in log.items()}
+    both = [
+        written(tmp_path, one | {"pushed_N": 1e-3 * np.sin(log["time_s"])}, "a.csv"),
+        written(tmp_path, one, "b.csv"),
+    ]
+    roles = [set(each.channels) for each in read_logs(both, read_log_map(config))]
+    assert roles == [{"time", "position", "command", "hand"}, {"time", "position", "command"}]
+    with pytest.raises(InputError, match='has no column "pushed_N"'):
+        read_logs(both[1:], read_log_map(config))
 
 
 def test_a_torn_row_is_named(log, tmp_path):
@@ -220,13 +282,14 @@ def test_decimal_commas_are_named_once(log, tmp_path, separator):
 
 
 @pytest.mark.parametrize(
-    ("row", "fault"), [("0,0,1", "has 3 columns, not 2"), ("0,001;1", '"001;1" is not'), ("\n0,1", "has 1 columns")]
+    ("row", "fault"),
+    [("4,0,0,1", "has 4 columns, not 3"), ("4,0,001;1", '"001;1" is not'), ("\n4,0,1", "has 1 columns")],
 )
 def test_a_torn_row_is_no_decimal_comma(tmp_path, row, fault):
     path = tmp_path / "log.csv"
-    path.write_text("\n".join(["position_m,command_N", "0,1", "1,1", "2,1", "3,1", row]))
+    path.write_text("\n".join(["time_s,position_m,command_N", "0,0,1", "1,1,1", "2,2,1", "3,3,1", row]))
     message = refused(path)
-    assert "decimal comma" not in message and "log.csv:6: " in message
+    assert "decimal comma" not in message and "log.csv:6: " in message and fault in message
 
 
 def test_a_column_that_the_map_names_is_in_no_other_role(log, tmp_path):
@@ -255,4 +318,4 @@ def test_a_chirp_is_called_saturated_where_it_is_cut(rounding, held):
         command = np.repeat((np.round(np.clip(chirp, -most, most) / rounding) * rounding)[::held], held)
         channel = Channel("command_N", command, 1.0, None, None)
         recording = Recording("log.csv", "", 2, {"command": channel}, (), rotary=False)
-        assert len(remarks(recording)) == told
+        assert [each.code for each in remarks(recording)].count("remark-saturated") == told

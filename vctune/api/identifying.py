@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vctune.api.result import Files, Rows, Table, write
-from vctune.document.log import read_log, read_log_map
+from vctune.document.log import read_log_map, read_logs
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.records.identification_json import DEVICE_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.text.errors import InputError, printable
@@ -106,7 +106,7 @@ def identify(
     if not paths:
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
     known = read_log_map(None if config is None else Path(config), servo=servo)
-    recordings = [read_log(path, known) for path in paths]
+    recordings = read_logs(paths, known)
     from vctune.identification.identify import identify as run
 
     stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,13 @@ from vctune.document.recording import (
     Channel,
     Floats,
     Recording,
+    headers_of,
     read_table,
 )
 from vctune.document.schema.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.schema.validation import Contradiction, shown, validated
 from vctune.document.text import toml
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import InputError, Mistake, Note
 
 # Units that a column may have, by its role
 PLACES, FORCES = ("m", "mm", "um", "rad", "mrad", "deg"), ("N", "mN", "kN", "Nm", "mNm")
@@ -59,19 +60,34 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     return LogMap(validated(LogDocument, text, str(path), _contradictions), str(path), text, servo)
 
 
-def read_log(path: Path, log_map: LogMap) -> Recording:
-    """Read a log."""
-    table, rotary = read_table(path), log_map.document.rotary
-    columns = _columns(path, table.headers, log_map)
+def read_logs(paths: Sequence[Path], log_map: LogMap) -> list[Recording]:
+    """Read the logs of one device; a column that the map names may be missing in some of them, but not in all."""
+    somewhere = {header for path in paths for header in headers_of(path)} if len(paths) > 1 else set[str]()
+    return [read_log(path, log_map, somewhere) for path in paths]
+
+
+def read_log(path: Path, log_map: LogMap, elsewhere: Collection[str] = ()) -> Recording:
+    """Read a log, of which other logs have the columns `elsewhere`."""
+
+    def columns_of(headers: list[str]) -> dict[str, ColumnTable]:
+        return _columns(path, headers, log_map, elsewhere)
+
+    table = read_table(path, lambda headers: {stated.column for stated in columns_of(headers).values()})
+    columns, rotary = columns_of(table.headers), log_map.document.rotary
     channels = {
         role: _channel(path, table.numbers[:, table.headers.index(stated.column)], stated, log_map, role)
         for role, stated in columns.items()
     }
     ignored = tuple(each for each in table.headers if each not in {stated.column for stated in columns.values()})
-    return Recording(str(path), table.sha256, table.first_line, channels, ignored, rotary)
+    guessed = [role for role in columns if getattr(log_map.document.columns, role) is None]
+    notes = []
+    if guessed:
+        said = ", ".join(f"{columns[role].column} as {role}" for role in guessed)
+        notes.append(Note("remark-columns", f"{path.name}: read by their names: {said}"))
+    return Recording(str(path), table.sha256, table.first_line, channels, ignored, rotary, tuple(notes))
 
 
-def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, ColumnTable]:
+def _columns(path: Path, headers: list[str], log_map: LogMap, elsewhere: Collection[str]) -> dict[str, ColumnTable]:
     """Return the column of each role: the one in the map, or the first whose header states role and unit."""
     roles = (*(SERVO_ROLES if log_map.servo else ROLES), *RESPONSE_ROLES)
     stated = {
@@ -83,8 +99,9 @@ def _columns(path: Path, headers: list[str], log_map: LogMap) -> dict[str, Colum
     faults = [
         Mistake("log-columns", f"columns.{role}", f"{path}: has no column {shown(table.column)}; it has {here}")
         for role, table in stated.items()
-        if table.column not in headers
+        if table.column not in headers and table.column not in elsewhere
     ]
+    stated = {role: table for role, table in stated.items() if table.column in headers}
     named = set(SERVO_COMMANDS) & set(stated)  # a command that the map names is the only one
     columns = dict[str, ColumnTable]()
     for role in roles:

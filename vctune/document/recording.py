@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO, TextIOWrapper
-from itertools import islice
-from math import isfinite
+from itertools import chain, islice
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.schema.validation import MAX_MISTAKES, shown
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.errors import InputError, Mistake, Note
 from vctune.document.text.toml import decoded
 from vctune.model.numbers.units import UNITS, Units
 
@@ -56,6 +57,7 @@ class Recording:
     channels: Mapping[str, Channel]  # columns by their role, one of `ROLES`, `SERVO_ROLES` or `RESPONSE_ROLES`
     ignored: tuple[str, ...]  # headers of unused columns
     rotary: bool  # whether positions are angles
+    notes: tuple[Note, ...] = ()  # remarks on how it was read
 
     @property
     def name(self) -> str:
@@ -94,13 +96,35 @@ class LogTable:
     """The table of a log, before its columns have roles."""
 
     headers: list[str]
-    numbers: Floats  # finite numbers, shape (rows, columns)
+    numbers: Floats  # shape (rows, columns); finite in the columns that are used
     first_line: int  # line of the file that contains the first row of numbers, from 1
     sha256: str  # SHA-256 digest of the file, in hexadecimal
 
 
-def read_table(path: Path) -> LogTable:
-    """Read a table of numbers."""
+def read_table(path: Path, used: Callable[[list[str]], Collection[str]] = list) -> LogTable:
+    """Read a table, of which the columns that are used are numbers; `used` returns their headers from all."""
+    packed, data = _read(path)
+    try:
+        headers, separator, first_line = _headers(path, data)
+        numbers = _numbers(path, data, separator, headers, first_line, used(headers))
+    except UnicodeDecodeError:
+        decoded(data, str(path), "export the log as CSV")
+        raise
+    return LogTable(headers, numbers, first_line, sha256(packed).hexdigest())
+
+
+def headers_of(path: Path) -> list[str]:
+    """Return the headers of a table."""
+    _, data = _read(path)
+    try:
+        return _headers(path, data)[0]
+    except UnicodeDecodeError:
+        decoded(data, str(path), "export the log as CSV")
+        raise
+
+
+def _read(path: Path) -> tuple[bytes, bytes]:
+    """Return the content of a file, and its text."""
     try:
         with path.open("rb") as file:
             packed = file.read(MAX_BYTES + 1)
@@ -108,14 +132,7 @@ def read_table(path: Path) -> LogTable:
         raise _unreadable(path, f"cannot be read: {error.strerror}") from None
     except ValueError:
         raise _unreadable(path, "is no path: it contains a null character") from None
-    data = _text_of(path, packed)
-    try:
-        headers, separator, first_line = _headers(path, data)
-        numbers = _numbers(path, data, separator, headers, first_line)
-    except UnicodeDecodeError:
-        decoded(data, str(path), "export the log as CSV")
-        raise
-    return LogTable(headers, numbers, first_line, sha256(packed).hexdigest())
+    return packed, _text_of(path, packed)
 
 
 def _unreadable(path: Path, message: str) -> InputError:
@@ -157,7 +174,7 @@ def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
         message = "is empty; a log is a line of headers and a line for each sample"
         raise InputError.of(str(path), "log-text", message) from None
     separator = next((candidate for candidate in SEPARATORS if candidate in line), SEPARATORS[0])
-    headers = [header.strip().strip('"') for header in line.split(separator)]
+    headers = [header.strip() for header in next(csv.reader([line.strip()], delimiter=separator))]
     if numbers := [header for header in headers if _is_number(header)]:
         message = f"{shown(numbers[0])} is a number where a header should be; give the columns a line of names"
         raise InputError.of(str(path), "log-text", message, line=number)
@@ -167,9 +184,12 @@ def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
     return headers, separator, number + 1
 
 
-def _numbers(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> Floats:
+def _numbers(
+    path: Path, data: bytes, separator: str, headers: list[str], first_line: int, used: Collection[str]
+) -> Floats:
     """Return the rows of numbers, or refuse them with their faults."""
     data, gaps = data.rstrip(), list[int]()
+    wanted = [header in used for header in headers]
 
     def rows() -> Iterator[str]:
         for number, line in enumerate(islice(_stream(data), first_line - 1, None), first_line):
@@ -184,9 +204,9 @@ def _numbers(path: Path, data: bytes, separator: str, headers: list[str], first_
     except UnicodeDecodeError:
         raise
     except ValueError:
-        raise _faulty(path, data, separator, headers, first_line) from None
-    if gaps or numbers.shape[1] != len(headers) or not np.isfinite(numbers).all():
-        raise _faulty(path, data, separator, headers, first_line)
+        return _from_cells(path, data, separator, headers, first_line, wanted)
+    if gaps or numbers.shape[1] != len(headers) or not np.isfinite(numbers[:, wanted]).all():
+        return _from_cells(path, data, separator, headers, first_line, wanted)
     return np.asarray(numbers)
 
 
@@ -198,29 +218,39 @@ def _is_number(text: str) -> bool:
     return text.isascii() and "_" not in text  # Python reads more than a table of numbers may have
 
 
-def _faulty(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> InputError:
-    """Return the faults of the rows: decimal commas, a wrong number of cells, and cells without a finite number."""
+def _from_cells(
+    path: Path, data: bytes, separator: str, headers: list[str], first_line: int, wanted: list[bool]
+) -> Floats:
+    """Return rows of which some columns are no numbers, or refuse them: decimal commas, a wrong number of cells, and
+    cells of a wanted column without a finite number."""
     lines = islice(_stream(data), first_line - 1, None)
-    rows = ([cell.strip() for cell in line.split(separator)] for line in lines)
+    reader = csv.reader(lines, delimiter=separator)
+    rows = ((first_line - 1 + reader.line_num, [cell.strip() for cell in cells]) for cells in reader)
     first = list(islice(rows, LOOKED_AT))
-    if comma := _decimal_comma(first, separator, len(headers)):
+    if comma := _decimal_comma([cells for _, cells in first], separator, wanted):
         message = f"has a decimal comma in {shown(comma[1])}; export the log with decimal points"
-        return InputError.of(str(path), "log-text", message, line=first_line + comma[0])
-
+        raise InputError.of(str(path), "log-text", message, line=first[comma[0]][0])
     missing = list[tuple[int, str, str]]()  # first cell without a finite number of each such row
+    numbers = list[list[float]]()
 
     def faults() -> Iterator[Mistake]:
-        for number, cells in enumerate((*first, *rows), first_line):
+        for number, cells in chain(first, rows):
             if len(cells) != len(headers):
-                message = f"has {len(cells)} columns, not {len(headers)}; repair or remove the row"
+                message = f"has {len(cells) or 1} columns, not {len(headers)}; repair or remove the row"
                 yield Mistake("log-text", "", message, number)
                 continue
-            for header, cell in zip(headers, cells, strict=True):
-                if not _is_number(cell):
+            row = list[float]()
+            for header, cell, is_wanted in zip(headers, cells, wanted, strict=True):
+                if not is_wanted:
+                    row.append(nan)
+                elif not _is_number(cell):
                     message = f"{shown(cell)} is not a number; repair or remove the row"
                     yield Mistake("log-text", header, message, number)
-                elif not isfinite(float(cell)) and (not missing or missing[-1][0] != number):
-                    missing.append((number, header, cell))
+                else:
+                    row.append(float(cell))
+                    if not isfinite(row[-1]) and (not missing or missing[-1][0] != number):
+                        missing.append((number, header, cell))
+            numbers.append(row)
 
     found = list(islice(faults(), MAX_MISTAKES))
     if missing:
@@ -228,16 +258,20 @@ def _faulty(path: Path, data: bytes, separator: str, headers: list[str], first_l
         more = f", and {len(missing) - 1} more rows are like it" if len(missing) > 1 else ""
         message = f"{cell} is no finite number: the sample is missing{more}; record again"
         found = sorted([*found, Mistake("log-text", header, message, number)], key=lambda each: each.line or 0)
-    return InputError(str(path), found)
+    if found:
+        raise InputError(str(path), found)
+    return np.array(numbers)
 
 
-def _decimal_comma(rows: list[list[str]], separator: str, columns: int) -> tuple[int, str] | None:
+def _decimal_comma(rows: list[list[str]], separator: str, wanted: list[bool]) -> tuple[int, str] | None:
     """Return the first row with a decimal comma, counted from 0, and the number there; None without one."""
+    columns = len(wanted)
     whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
     torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)
     for number, cells in enumerate(rows):
         if torn and len(cells) > columns:
             return number, ",".join(cells[:2])
-        if comma := next((cell for cell in cells if COMMA.fullmatch(cell)), None):
+        looked_at = [cell for column, cell in enumerate(cells) if column >= columns or wanted[column]]
+        if comma := next((cell for cell in looked_at if COMMA.fullmatch(cell)), None):
             return number, comma
     return None

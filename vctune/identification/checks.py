@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.errors import InputError, Mistake, Note
 
-LEAST_SAMPLES = 500  # Least number of samples
+LEAST_SAMPLES = 200  # Least number of samples
 COMMANDS = ("command", *SERVO_COMMANDS)
 SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have, s
 SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/s if it is rotary
@@ -30,6 +30,45 @@ MOST_SKIPPED, EXACT = 8, 0.02
 # Greatest deviation of a step and length above which a sample is missing, in sample times: for a loop that an interrupt
 # runs, and for the communication link of a robot
 LOOP, LINK = (0.05, 1.5), (0.25, 1.9)
+
+
+def usable(recording: Recording, sample_time: float | None, *, servo: bool) -> Recording:
+    """Return the longest stretch of a log without a gap or a step back, on even rows, and only those of the loop."""
+    even = on_even_rows(recording, servo=servo)
+    if "time" not in even.channels or len(even) < LEAST_SAMPLES:
+        return even
+    steps = np.diff(even.channels["time"].values)
+    T = float(np.median(steps))
+    faults = np.flatnonzero((steps <= 0) | (steps > (LINK if servo else LOOP)[1] * T))
+    ends = np.concatenate([[0], faults + 1, [len(even)]])
+    at = int(np.argmax(np.diff(ends)))
+    first, end = int(ends[at]), int(ends[at + 1])
+    if faults.size and end - first >= LEAST_SAMPLES:
+        lines = [recording.first_line + row for row in (first, end - 1)]
+        text = f"{recording.name}: its time has {faults.size} gaps or steps back; lines {lines[0]} to {lines[1]}, "
+        note = Note("remark-cut", f"{text}{end - first} of {len(even)} rows, are the longest part without one")
+        part = replace(_rows(recording, slice(first, end)), first_line=lines[0], notes=(*recording.notes, note))
+        even = on_even_rows(part, servo=servo)
+    return even if sample_time is None else _rows_of_loop(even, sample_time, T)
+
+
+def _rows(recording: Recording, rows: slice) -> Recording:
+    channels = {role: replace(each, values=each.values[rows]) for role, each in recording.channels.items()}
+    return replace(recording, channels=channels)
+
+
+def _rows_of_loop(recording: Recording, sample_time: float, T: float) -> Recording:
+    """Return the rows in which a loop that is slower than its log has written its command; all if it is not."""
+    every = round(sample_time / T)
+    command = next((recording.channels[role] for role in COMMANDS if role in recording.channels), None)
+    if every < 2 or command is None or abs(sample_time / (every * T) - 1) > EXACT / every:
+        return recording
+    written = (np.flatnonzero(np.diff(command.values)) + 1) % every
+    if not written.size or np.any(written != written[0]):
+        return recording
+    text = f"{recording.name}: {command.header} changes in every {every}th row only, when a loop of {sample_time:g} s "
+    notes = (*recording.notes, Note("remark-finer", f"{text}writes it: these rows are used"))
+    return replace(_rows(recording, slice(int(written[0]), None, every)), notes=notes)
 
 
 def on_even_rows(recording: Recording, *, servo: bool) -> Recording:
@@ -112,12 +151,17 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
 def remarks(recording: Recording) -> list[Note]:
     """Return remarks on a usable recording."""
-    remarks = []
+    remarks = list(recording.notes)
     for role in ("command", "force"):
         if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:
             header = recording.channels[role].header
             text = f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated"
             remarks.append(Note("remark-saturated", f"{recording.name}: {text}"))
+        if role in recording.channels and (rows := _rows_per_change(recording.channels[role].values)) > 1:
+            text = (
+                f"{recording.channels[role].header} changes in every {rows}th row only: if the loop is so slow, write"
+            )
+            remarks.append(Note("remark-held", f"{recording.name}: {text} its sample_time into a log.toml"))
     if recording.ignored:
         text = f"{recording.name}: columns that were not used: {', '.join(recording.ignored)}"
         remarks.append(Note("remark-unused", text))
@@ -137,12 +181,14 @@ def _fault_of_time(time: Channel, T: float, stated: float | None, even: tuple[fl
         remedy = f'; is it in {likely[0]}? write time = {{ column = "{time.header}", unit = "{likely[0]}" }}'
         return None, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy if likely else ''}"
     if stated is not None and T / stated < 0.99:
-        return None, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them"
+        text = f"has a step of {T:g} s and sample_time is {stated:g} s, and no command is held so long"
+        return None, f"{text}; correct one of them, or leave sample_time out"
     if gaps.size:
         lost = f"{steps[gaps[0]] / T - 1:.3g} samples; cut the log there, or record without loss"
         return int(gaps[0]), f"has {gaps.size} gaps, the first of {lost}"
     if (jitter := float(np.std(steps)) / T) > even[0]:
-        text = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
+        text = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing; "
+        text += "if it is that of sampling, interpolate the columns onto even rows"
         return int(np.argmax(np.abs(steps - T))), text
     return None, ""
 

@@ -19,7 +19,7 @@ from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Note
 from vctune.identification.box import DELAY_FLOOR, box, readable, unexplained
-from vctune.identification.checks import check, on_even_rows, quantum_of, remarks
+from vctune.identification.checks import check, quantum_of, remarks, usable
 from vctune.identification.mechanism import mechanism_study
 from vctune.identification.response import response_study
 from vctune.identification.servo import servo_study
@@ -100,7 +100,7 @@ def identify(
     versions: Mapping[str, str | None],
 ) -> Identified:
     """Identify a device."""
-    recordings = [on_even_rows(recording, servo=log_map.servo) for recording in recordings]
+    recordings = [usable(each, log_map.document.sample_time, servo=log_map.servo) for each in recordings]
     times = [check(recording, log_map.document.sample_time, servo=log_map.servo) for recording in recordings]
     first, T = recordings[0], times[0]
     for recording, step in zip(recordings, times, strict=True):

@@ -17,6 +17,7 @@ Code = Literal[
     "no-experiment", "no-plane", "no-workers", "not-certified", "not-fixed", "not-json", "not-toml", "not-yaml",
     "nothing-free", "nothing-proved", "other-document", "other-kind", "other-version", "out-of-range",
     "remark-actuator-lag", "remark-assumed-sensor", "remark-assumed-velocity",
+    "remark-columns", "remark-cut", "remark-finer", "remark-held",
     "remark-highest-line", "remark-jitter", "remark-latency-only", "remark-order",
     "remark-saturated", "remark-slow-log", "remark-slow-motion", "remark-spring", "remark-stated-delay",
     "remark-unpushed", "remark-unused", "remark-weak-delay", "ros-integers", "ros-unknown-key", "ros-no-damping",
