@@ -141,3 +141,26 @@ def robot_case(seed, n=2500) -> ServoCase:
     units = {"position": "m", "velocity": "m_s"}
     columns = {"time_s": time + jitter, f"{command}_command_{units[command]}": told, f"{reads}_{units[reads]}": x}
     return ServoCase(T, delay, bandwidth, order, command, kind, 0.0, columns)
+
+
+def limited_case(seed, *, speed=np.inf, acceleration=np.inf, T=4e-3, n=3000, parts=16) -> ServoCase:
+    """Return a robot of first order whose speed and acceleration are limited, as shares of what it is asked for."""
+    random = np.random.default_rng(seed)
+    hertz, phases = random.uniform(0.2, 3.0, 6), random.uniform(0.0, 2 * pi, 6)
+    told = np.sum(np.sin(2 * pi * hertz[:, None] * np.arange(n) * T + phases[:, None]), axis=0)
+    told *= 0.2 / np.abs(told).max()
+    late, bandwidth = int(random.integers(8, 100)), float(random.uniform(4.0, 12.0))
+    w = 2 * pi * bandwidth
+    fastest = speed * np.abs(told).max()
+    strongest = acceleration * np.abs(np.diff(told)).max() / T
+    goals = np.concatenate([np.full(late, 0.0), np.repeat(told, parts)])
+    x, v, h, positions = 0.0, 0.0, T / parts, []
+    for part in range(n * parts):
+        if part % parts == 0:
+            positions.append(x)
+        change = min(max((goals[part] - v) * (1 - np.exp(-w * h)), -strongest * h), strongest * h)
+        after = min(max(v + change, -fastest), fastest)
+        x, v = x + h * (v + after) / 2, after
+    position = 1e-6 * np.floor(np.array(positions) / 1e-6 + 0.5)
+    columns = {"time_s": np.arange(n) * T, "velocity_command_m_s": told, "position_m": position}
+    return ServoCase(T, late * h, bandwidth, 1, "velocity", "limited", 0.0, columns)

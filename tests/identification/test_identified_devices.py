@@ -3,6 +3,7 @@ what is designed for the box is certified for the truth."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -232,10 +233,11 @@ def test_a_velocity_that_was_read_is_enough(friction, tmp_path):
     assert (found.friction.coulomb if found.friction else 0.0) == pytest.approx(friction, abs=3e-3)
 
 
-def position_loop(seed, seconds=10.0, T=1e-3, parts=16):
+def position_loop(seed, seconds=10.0, T=1e-3, parts=16, most=np.inf):
     """Return mass, dampings and latency of a device in a position loop, and its log; stepped in parts of a row.
 
-    Viscous and dry friction differ by direction; near rest the friction is greater (Stribeck) and smooth.
+    Viscous and dry friction differ by direction; near rest the friction is greater (Stribeck) and smooth. The motor's
+    force is at most `most`.
     """
     random = np.random.default_rng(seed)
     mass, delay = random.uniform(0.3, 2.0), T * random.integers(2, 30) / parts
@@ -257,7 +259,7 @@ def position_loop(seed, seconds=10.0, T=1e-3, parts=16):
         last = read
         positions.append(read)
         for part in range(parts):
-            force = commands[-1 - whole - (part < late)]
+            force = min(max(commands[-1 - whole - (part < late)], -most), most)
             way = int(v < 0)
             rubs = dry[way] * np.tanh(v / 1e-3) * (1 + more * np.exp(-((v / speed_of_more) ** 2)))
             h = T / parts
@@ -277,3 +279,12 @@ def test_friction_that_differs_by_direction_is_told(tmp_path, seed):
     assert boxes["delay"].low <= delay <= boxes["delay"].high < boxes["delay"].low + 3e-4
     assert boxes["damping"].low < damping.min() and damping.max() < boxes["damping"].high
     assert boxes["damping"].high - boxes["damping"].low < 1.5 * (damping.max() - damping.min())
+
+
+def test_a_motor_at_its_limit_is_refused_with_its_force(tmp_path):
+    """Of a loop whose greatest command is a third more than its motor gives."""
+    greatest = np.abs(position_loop(0)[3].columns["command_N"]).max()
+    log = position_loop(0, most=0.75 * greatest)[3]
+    with pytest.raises(InputError, match="saturates") as caught:
+        identify(*log.write(tmp_path))
+    assert float(re.search(r"at about (\S+) N", str(caught.value))[1]) == pytest.approx(0.75 * greatest, rel=0.2)

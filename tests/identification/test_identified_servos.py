@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from command import run
 from conftest import drawn, mostly_slow
 from jsonschema import Draft202012Validator
-from servo_logs import moved, robot_case, servo_case
+from servo_logs import limited_case, moved, robot_case, servo_case
 
 from vctune import check, identify, problem, solve
 from vctune.design.check import CheckVerdict
@@ -320,3 +321,34 @@ def test_a_slow_motion_ahead_of_its_command_is_refused_although_a_lag_and_a_dela
     (tmp_path / "log.csv").write_text("time_s,position_m,position_command_m\n" + "\n".join(rows) + "\n")
     done = run("identify", "log.csv", "--servo", "--no-report", cwd=tmp_path)
     assert done.returncode == 2 and "before position_command_m tells it to" in done.stderr, done.stderr
+
+
+LIMITS = [
+    ({"speed": 0.4}, "speed"),
+    ({"acceleration": 0.3}, "acceleration"),
+    ({"speed": 0.6, "acceleration": 0.5}, "speed"),
+]
+
+
+@pytest.mark.parametrize(("limits", "word"), LIMITS)
+@pytest.mark.parametrize("seed", mostly_slow(range(4), [0]))
+def test_a_robot_at_a_limit_is_refused_with_its_value(tmp_path, seed, limits, word):
+    case = limited_case(seed, **limits)
+    told = case.columns["velocity_command_m_s"]
+    greatest = {"speed": np.abs(told).max(), "acceleration": np.abs(np.diff(told)).max() / case.T}[word] * limits[word]
+    with pytest.raises(InputError, match="saturates in") as caught:
+        identify(case.write(tmp_path), servo=True)
+    value = float(re.search(rf"in {word}, at about (\S+) m/s", str(caught.value))[1])
+    assert value == pytest.approx(greatest, rel=0.15)
+
+
+def test_a_robot_below_its_limits_is_not(tmp_path):
+    assert trial(limited_case(1, speed=1.2, acceleration=1.2), tmp_path).inside
+
+
+def test_swapped_columns_of_a_robot_are_named(tmp_path):
+    case = limited_case(2)
+    names = "velocity_command_m_s", "position_m"
+    swapped = dict(zip(names, (case.columns[name] for name in reversed(names)), strict=True))
+    with pytest.raises(InputError, match="are the two columns swapped"):
+        identify(case.write(tmp_path, **swapped), servo=True)

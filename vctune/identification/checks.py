@@ -22,6 +22,7 @@ JUMP = 20.0  # Steps of a position that jumps, in neighbouring steps and in quan
 PEAK_STEPS = 10  # Greatest fall beside a rounded peak, in steps of its rounding: nine, and the rounding of its foot
 SATURATED = 0.2  # Greatest permitted share of samples at a limit
 ROUND_LEVELS = 30  # Least number of levels of a column that is called rounded
+MOST_HELD = 10  # Most rows of a log in one of a loop that a remark takes for possible
 LEVELS = 10  # Least number of steps of its resolution that a command spans, unless it jumps between a few levels
 
 
@@ -157,7 +158,7 @@ def remarks(recording: Recording) -> list[Note]:
             header = recording.channels[role].header
             text = f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated"
             remarks.append(Note("remark-saturated", f"{recording.name}: {text}"))
-        if role in recording.channels and (rows := _rows_per_change(recording.channels[role].values)) > 1:
+        if role in recording.channels and 1 < (rows := _rows_per_change(recording.channels[role].values)) <= MOST_HELD:
             text = (
                 f"{recording.channels[role].header} changes in every {rows}th row only: if the loop is so slow, write"
             )

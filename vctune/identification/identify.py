@@ -180,6 +180,8 @@ def _with_remarks(study: Study) -> Study:
 def _with_known(studies: Sequence[Study], log_map: LogMap, T: float) -> tuple[list[Estimate], list[Note]]:
     """Return all estimates with the user's delay in place of the identified ones, and a remark on it."""
     found, stated = [estimate for study in studies for estimate in study.estimates], log_map.document.device
+    if stated.display == "impedance":  # whose firmware senses no force, late or not
+        found = [estimate for estimate in found if not estimate.key.startswith(SENSOR)]
     if stated.delay is not None:
         half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
         note = Note("remark-stated-delay", f"the delay is the stated one, {stated.delay:g} s, within {half:g} s")

@@ -13,6 +13,7 @@ from vctune.document.text.errors import Note, coded
 from vctune.identification.box import COULOMB_SHARE, COULOMB_SHARE_MOVING, box, left_to_the_hand, unexplained
 from vctune.identification.checks import position_noise
 from vctune.identification.fit import SEGMENTS, Fit, Task, fitted, noise_is_all
+from vctune.identification.limits import force_limit_of
 from vctune.identification.remainder import halves, motion_of, root_mean_square_speed, share_left, spectrum
 from vctune.identification.search import (
     LONGEST,
@@ -48,6 +49,12 @@ def mechanism_study(recording: Recording, T: float, fixed: Numbers, *, held: boo
         task = replace(task, fixed={"delay": 0.0} | dict(task.fixed))
     found = mechanism_fit(task, recording.rotary)
     fit, share = found.fit, found.share
+    if fit.size > WHITE and np.ptp(task.drive.input) > 0 and (limit := force_limit_of(fit)) is not None:
+        message = (
+            f"the {recording.units.force_name} saturates, at about {limit:.2g} {recording.units.force}: the motion is "
+            "that of a command that is cut there; use smaller commands, or log the measured one as force"
+        )
+        raise unexplained(recording, message, has["command" if "command" in has else "force"].header)
     refuse_unexplained(recording, fit, share)
     if not found.agree and fit.size > WHITE and fit.numbers.get("delay", 0.0) > -T:  # which is refused as such
         message = (

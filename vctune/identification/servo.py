@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from math import ceil, exp, inf, log, pi, sqrt
+from math import ceil, exp, inf, isfinite, log, pi, sqrt
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from vctune.document.text.errors import Note, coded
 from vctune.identification.box import joint_factor, unexplained
 from vctune.identification.checks import position_noise, quantum_of
 from vctune.identification.fit import TRIED, Fit, Task, fitted, whitened
+from vctune.identification.limits import limits_of
 from vctune.identification.remainder import halves, motion_of, share_left, spectrum
 from vctune.identification.search import FITTED, WHITE, in_segments, starts_of
 from vctune.identification.stepped import LAGS, SHORTEST, Complex, Drive, Numbers, response
@@ -30,6 +31,7 @@ ROUNDED = 3.0  # Deviations of a residual's size that rounding may have
 AGREE = 0.3  # Difference of the latencies of one servo, in rows
 AHEAD = 0.25  # Greatest time by which a motion may seem to precede its command, in rows
 MAX_SHARE, GAIN_RANGE = 0.5, (0.8, 1.25)  # Of the motion that is left, and of motion over command; else refused
+SWAPPED = 0.1  # Share of the motion that is left, below which two columns that are taken for each other are swapped
 SIGNIFICANT, LEAST_YIELDING = 4.0, 0.005  # Deviations, and share of the motion, with which a servo yields
 CORNERS, STEEPNESSES = 60, (4, 8, 16, 32)  # Of the low-passes that remove rounding
 AT_ENDS = 40  # Rows that tell the slope of a rounded column at its ends
@@ -234,7 +236,8 @@ def servo_study(recording: Recording, T: float) -> Study:
     except (ValueError, np.linalg.LinAlgError):  # no part of the motion fits the command
         question = f"is {header} the command of another axis or of another time than {place}?"
         raise unexplained(recording, f"the motion does not follow the command anywhere: {question}", header) from None
-    _refuse(recording, fit, agree, header, place)
+    _refuse_limited(recording, fit, header, place)
+    _refuse(recording, fit, agree, header, place, turned=fit.share > MAX_SHARE and _turned(recording, T, command, read))
     if command in crawling and fit.fit.size > WHITE:
         quantum = f"is rounded to {crawling[command]:.2g} {recording.units.position}"
         message = f"{quantum}, of which it moves few in a row, and this hides the servo: log it finer, or move faster"
@@ -298,10 +301,38 @@ def _estimates(source: str, one: ServoFit, jitter: float) -> Iterator[Estimate]:
         yield Estimate(key, value, unsure, f"{source}: order {one.order}", beyond, reason)
 
 
-def _refuse(recording: Recording, fit: ServoFit, agree: bool, header: str, place: str) -> None:
+def _refuse_limited(recording: Recording, fit: ServoFit, header: str, place: str) -> None:
+    """Refuse a recording whose motion stays at a limit of speed or acceleration that its command exceeds."""
+    if fit.fit.size < WHITE or (limits := limits_of(fit.fit)) is None:
+        return
+    units = recording.units
+    values = (("speed", limits.speed, units.speed), ("acceleration", limits.acceleration, units.acceleration))
+    texts = [f"{name}, at about {value:.2g} {unit}" for name, value, unit in values if isfinite(value)]
+    message = (
+        f"the robot saturates in {' and in '.join(texts)}: {place} stays at this limit where {header} asks for more, "
+        "and such a log tells no delay and no bandwidth: record smaller or slower motions, below the limit"
+    )
+    raise unexplained(recording, message, header)
+
+
+def _turned(recording: Recording, T: float, command: str, read: str) -> bool:
+    """Return whether the command follows the motion as a servo does, if the two columns are taken for each other."""
+    has = recording.channels
+    turned = replace(recording, channels={**has, command: has[read], read: has[command]})
+    try:
+        with np.errstate(all="ignore"):
+            (fit, _), _ = servo_fits(servo_task(turned, T, command, read)[0], crawls=False)
+    except (ValueError, np.linalg.LinAlgError):
+        return False
+    return fit.share < SWAPPED and GAIN_RANGE[0] < fit.numbers["gain"] < GAIN_RANGE[1]
+
+
+def _refuse(recording: Recording, fit: ServoFit, agree: bool, header: str, place: str, *, turned: bool) -> None:
     """Refuse a recording whose motion does not follow its command, or follows it with an impossible gain."""
     gain, latest, T = fit.numbers["gain"], fit.latest, fit.fit.task.drive.T
-    if latest < -AHEAD * T:
+    if turned:
+        message = f"{header} follows {place} as a motion follows its command: are the two columns swapped?"
+    elif latest < -AHEAD * T:
         message = (
             f"{place} moves at least {-1e3 * latest:.3g} ms before {header} tells it to: the two were not sampled "
             "together, or the command is logged late"
