@@ -12,7 +12,7 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.schema.rules import FASTEST, MAX_DELAY_SAMPLES
 from vctune.identification.box import DELAY_FLOOR
 from vctune.identification.checks import position_noise
-from vctune.identification.fit import SEGMENTS, TRIED, Fit, Task, fitted, noise_is_all, whitened
+from vctune.identification.fit import ENOUGH, SEGMENTS, STEPS, TRIED, Fit, Task, fitted, noise_is_all, whitened
 from vctune.identification.remainder import root_mean_square_speed, share_left
 from vctune.identification.stepped import Drive
 
@@ -37,6 +37,7 @@ FASTEST_SPRING, LEAST_DAMPING_RATIO, MAX_DAMPING_RATIO = 0.2, 1e-3, 0.5
 SHORTEST_LAG = 1 / (2 * pi * FASTEST)  # In rows; a problem file states no shorter one
 LEAST_HANDLE = 0.03  # Least mass of a handle, as a share of the device's
 WHITE = 1.2  # Size of a residual, in deviations of the noise, above which its spectrum counts
+HOPELESS = 3.0  # The same, above which longer segments will not do with less
 ALIKE = 0.02  # Relative difference of the costs of fits that are the same device
 
 
@@ -244,7 +245,7 @@ def tried(fit: Fit, starts: Sequence[dict[str, float]]) -> Fit | None:
         return min(ended, key=lambda each: each.cost, default=None)
 
 
-def last(task: Task, numbers: Mapping[str, float], moving: bool) -> tuple[Fit, float]:
+def last(task: Task, best: Fit, moving: bool) -> tuple[Fit, float]:
     """Return the fit over the whole log, or its segments in motion, and the share of the motion that it leaves.
 
     Where more than noise is left, short segments, in which the error of a model does not grow, and weights that make
@@ -253,9 +254,9 @@ def last(task: Task, numbers: Mapping[str, float], moving: bool) -> tuple[Fit, f
     short = in_motion(task, SHORT, FITTED) if moving else in_segments(task, SHORT, FITTED)
     long = in_motion(task, LONG, FITTED) if moving else task
     assert short is not None
-    if long is not None and (found := fitted(long, numbers)).size < WHITE:
+    if long is not None and best.size < HOPELESS and (found := fitted(long, best.numbers)).size < WHITE:
         return found, share_left(found)
-    found = fitted(short, numbers)
+    found = fitted(short, best.numbers, None, *((STEPS, ENOUGH) if best.size < HOPELESS else (TRIED, 1e-4)))
     share = share_left(found)
     return (found if found.size < WHITE else whitened(whitened(found))), share
 
@@ -333,7 +334,7 @@ def mechanism_fit(task: Task, rotary: bool) -> Found:
             agree = True
         if agree:
             break
-    fit, share = last(task, best.numbers, moving is not None)
+    fit, share = last(task, best, moving is not None)
     fit = without_idle(fit)
     segments = in_motion(task, SHORT, FITTED) if moving else in_segments(task, SHORT, FITTED)
     others = [fitted(segments or short, fit.numbers, None, TRIED).numbers]

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi, sqrt
+from functools import cached_property
+from math import frexp, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ Numbers = Mapping[str, float]
 Complex = NDArray[np.complex128]
 SHORTEST = 0.02  # Shortest lag of a servo, in rows
 LAGS = {1: 1.0, 2: sqrt(2)}  # Lag of a servo's low-pass, times its angular frequency, by its order
+TAYLOR = 14  # Terms of the series of e^A: 1e-16 for a norm of 1/2
 INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
 
 
@@ -93,15 +95,28 @@ def late_rows(delay: Floats, T: float) -> tuple[NDArray[np.integer], Floats]:
     return whole, np.clip(delay - whole * T, 0.0, T)
 
 
+def exponentials(matrices: Floats) -> Floats:
+    """Return e^A of each matrix, by Taylor's series of A / 2^k and k squarings, all matrices at once."""
+    norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
+    halvings = max(0, frexp(norm)[1] + 1)
+    small, term = matrices / 2.0**halvings, np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
+    total = term.copy()
+    for order in range(1, TAYLOR):
+        term = term @ small / order
+        total += term
+    for _ in range(halvings):
+        total = total @ total
+    return total
+
+
 def propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:
     """Return the exact factors of states and of `INPUTS` over a time for each device, with inputs that are lines."""
-    from scipy.linalg import expm
-
     count, size = A.shape[:2]
     rate = np.zeros((count, size + INPUTS, size + INPUTS))
     rate[:, :size, :size], rate[:, :size, size : size + 3] = A, B
     rate[:, size, size + 3] = rate[:, size + 2, size + 4] = 1.0
-    over = expm(rate * time[:, None, None])
+    ways, which = np.unique((rate * time[:, None, None]).reshape(count, -1), axis=0, return_inverse=True)
+    over = exponentials(ways.reshape(-1, *rate.shape[1:]))[which.ravel()]  # many devices differ in first states alone
     return np.ascontiguousarray(over[:, :size, :size]), np.ascontiguousarray(over[:, :size, size:])
 
 
@@ -159,18 +174,25 @@ def _from_the_input(A: Floats, B: Floats, parts: Sequence[tuple[Floats, Floats]]
     return np.asarray((rows @ modes.T).real)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Part:
     """A part of each row, before or after the next command acts, of all devices."""
 
     length: Floats  # s, shape (devices, 1)
-    F: Floats  # factors of the states and of `INPUTS`, and those of a motor that friction holds
+    A: Floats
+    B: Floats
+    F: Floats  # factors of the states and of `INPUTS`
     G: Floats
-    F_held: Floats
-    G_held: Floats
     acting: Floats  # inputs, shape (rows, devices, `INPUTS`, segments)
     pushed: Floats  # what they add to the states
     rest: Floats  # force on the motor, friction, springs and dampers aside, shape (rows, devices, segments)
+
+    @cached_property
+    def held(self) -> tuple[Floats, Floats]:
+        """The factors of a motor that friction holds."""
+        A, B = self.A.copy(), self.B.copy()
+        A[:, :2] = B[:, :2] = 0.0
+        return propagators(A, B, self.length[:, 0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,8 +239,6 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     )  # fmt: skip
     whole, late = late_rows(of("delay")[:, 0], drive.T)
     lengths = np.stack([late, drive.T - late])
-    A_held, B_held = A.copy(), B.copy()
-    A_held[:, :2] = B_held[:, :2] = 0.0
     row, last = np.arange(-1, rows + 2)[:, None, None] - whole[None, :, None], len(drive.input) - 1
     told = drive.input[np.clip(starts + row, 0, last)]  # told[i] acts in the first part of row i, told[i + 1] later
     acting = _acting(drive, told, lengths, of("sensor_delay"), of("offset"), starts, rows)
@@ -226,7 +246,7 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     for length, each in zip(lengths, acting, strict=True):
         F, G = propagators(A, B, length)
         rest = np.matmul((B[:, 1:2] * motor[:, None, None]), each[:, :, :3])[:, :, 0]
-        parts.append(Part(length[:, None], F, G, *propagators(A_held, B_held, length), each, np.matmul(G, each), rest))
+        parts.append(Part(length[:, None], A, B, F, G, each, np.matmul(G, each), rest))
     z = np.zeros((len(devices), A.shape[1], starts.size))
     known = slice(
         1 if drive.servo else 4 if "handle_mass" in devices[0] else 2, A.shape[1]
@@ -271,7 +291,8 @@ def _over(part: Part, i: int, z: Floats, rubbing: Rubbing) -> Floats:
     d, s = np.nonzero(stands & (np.abs(net) <= holds))
     if d.size:
         inputs = part.acting[i, d, :, s][:, :, None]
-        held = (part.F_held[d] @ z[d, :, s][:, :, None] + part.G_held[d] @ inputs)[:, :, 0]
+        F_held, G_held = part.held
+        held = (F_held[d] @ z[d, :, s][:, :, None] + G_held[d] @ inputs)[:, :, 0]
         later = np.einsum("ij,ij->i", rubbing.force[d, 0], held) + (part.rest[i] + turning)[d, s]
         more = np.maximum(np.abs(later) - holds[d, 0], 0.0)  # than friction holds at the end: it has begun to move
         after = h[d, 0] * more / np.where(more > 0, np.abs(later) - np.sign(later) * net[d, s], 1.0)
