@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from math import exp, inf
+from math import exp, inf, pi, sqrt
 
 import numpy as np
 
@@ -50,8 +50,9 @@ def limits_of(fit: Fit) -> Limits | None:
 
     drive, read = fit.task.drive, fit.task.read[:LONGEST, 0]
     T, told, noise, order = drive.T, drive.input[:LONGEST], float(fit.task.unit[0]), 1 - drive.reads[0]
-    measured, _ = _low_passed(read * noise, noise, order)
+    measured, kept_rows = _low_passed(read * noise, noise, order)
     measured /= T**order
+    floor = noise**2 / (2 * sqrt(pi) * kept_rows) / (2 * (kept_rows * T) ** 2) ** order  # variance that noise leaves
     speed = float(np.quantile(np.abs(measured), USUAL))
     slopes, rows = _low_passed(read * noise, noise, order + 1)
     acceleration = float(np.quantile(np.abs(slopes), USUAL)) / T ** (order + 1)
@@ -80,7 +81,7 @@ def limits_of(fit: Fit) -> Limits | None:
 
     without, one, both = least(()), least(("speed",), ("acceleration",)), least(("speed", "acceleration"))
     size, limits = both if both[0] < MORE * one[0] else one
-    return limits if size < DECISIVE * without[0] else None
+    return limits if size**2 - floor < DECISIVE**2 * max(without[0] ** 2 - floor, 0.0) else None
 
 
 def _low_passed(values: Floats, noise: float, order: int) -> tuple[Floats, float]:
