@@ -179,8 +179,8 @@ class Judgement:
 
     @property
     def closed_loop(self) -> LoopOfWall | None:
-        """The peak of |S| and the phase margin of the loop that a wall closes on the nominal device in the least hand;
-        None without a wall that is proved, because a loop that may be unstable has no margins."""
+        """The peak sensitivity and the phase margin of the loop that a wall closes on the nominal device in the least
+        hand; None without a wall that is proved, because a loop that may be unstable has no margins."""
         if not self.posed.problem.rigid or self.status is not Status.CERTIFIED:
             return None
         hands, least, wall = self.posed.problem.hands_met, self.device.operator, self.coupling
