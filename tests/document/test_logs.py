@@ -179,6 +179,20 @@ def test_columns_that_no_role_names_may_hold_anything(log, plain, tmp_path):
     assert any("position_m as position, command_N as command" in each for each in found.remarks)
 
 
+def test_a_quote_that_is_not_closed_takes_no_row_with_it(log, plain, tmp_path):
+    path = written(tmp_path, log)
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{header},note", *(f'{row},"open' for row in rows)]))
+    assert [each.value for each in identify(path).record.numbers] == [each.value for each in plain.numbers]
+    path.write_text("\n".join([f"{header},note", *(f"{row},{'x' * 200_000}" for row in rows[:20])]))
+    assert "log.csv:2: is no row of a table" in refused(path)
+
+
+def test_few_rows_last_a_second(log, tmp_path):
+    message = refused(written(tmp_path, {key: values[:250] for key, values in log.items()}))
+    assert "has 250 samples in 0." in message and "at least 500, or 1 s" in message
+
+
 def test_rows_of_a_slower_loop_are_found_in_its_log(tmp_path, log):
     """Five rows of the log for each of the loop: these are those in which the command changes."""
     five = {key: np.repeat(values, 5) for key, values in log.items()}

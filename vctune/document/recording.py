@@ -174,7 +174,7 @@ def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
         message = "is empty; a log is a line of headers and a line for each sample"
         raise InputError.of(str(path), "log-text", message) from None
     separator = next((candidate for candidate in SEPARATORS if candidate in line), SEPARATORS[0])
-    headers = [header.strip() for header in next(csv.reader([line.strip()], delimiter=separator))]
+    headers = _cells(path, line, separator, number)
     if numbers := [header for header in headers if _is_number(header)]:
         message = f"{shown(numbers[0])} is a number where a header should be; give the columns a line of names"
         raise InputError.of(str(path), "log-text", message, line=number)
@@ -210,6 +210,14 @@ def _numbers(
     return np.asarray(numbers)
 
 
+def _cells(path: Path, line: str, separator: str, number: int) -> list[str]:
+    """Return the cells of a line; a quote that is not closed ends with its line, so that no row is lost in it."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.strip()], delimiter=separator), [])]
+    except csv.Error as error:
+        raise InputError.of(str(path), "log-text", f"is no row of a table: {error}", line=number) from None
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -223,9 +231,8 @@ def _from_cells(
 ) -> Floats:
     """Return rows of which some columns are no numbers, or refuse them: decimal commas, a wrong number of cells, and
     cells of a wanted column without a finite number."""
-    lines = islice(_stream(data), first_line - 1, None)
-    reader = csv.reader(lines, delimiter=separator)
-    rows = ((first_line - 1 + reader.line_num, [cell.strip() for cell in cells]) for cells in reader)
+    lines = enumerate(islice(_stream(data), first_line - 1, None), first_line)
+    rows = ((number, _cells(path, line, separator, number)) for number, line in lines)
     first = list(islice(rows, LOOKED_AT))
     if comma := _decimal_comma([cells for _, cells in first], separator, wanted):
         message = f"has a decimal comma in {shown(comma[1])}; export the log with decimal points"

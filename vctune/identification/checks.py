@@ -13,6 +13,7 @@ from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.errors import InputError, Mistake, Note
 
 LEAST_SAMPLES = 200  # Least number of samples
+MANY_SAMPLES, LEAST_SECONDS = 500, 1.0  # A log of fewer samples is at least so long
 COMMANDS = ("command", *SERVO_COMMANDS)
 SAMPLE_TIMES = (1e-6, 0.05)  # Range of sample times that a haptic loop can have, s
 SPEEDS = {False: 30.0, True: 3000.0}  # Greatest speed of a device, m/s, or rad/s if it is rotary
@@ -139,6 +140,10 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
             raise InputError(recording.source, [Mistake("log-samples", time.header, message, line)])
         T = mean if sample_time is None or step > 1.01 * sample_time else sample_time
     assert T is not None
+    if len(recording) < MANY_SAMPLES and len(recording) * T < LEAST_SECONDS:
+        text = f"has {len(recording)} samples in {len(recording) * T:.3g} s, which tell too little of a device"
+        message = f"{text}; record at least {MANY_SAMPLES}, or {LEAST_SECONDS:g} s, better some seconds"
+        raise InputError.of(recording.source, "log-samples", message)
     faults = [
         Mistake("log-signal", channel.header, message)
         for role, channel in recording.channels.items()

@@ -20,6 +20,7 @@ STEPS, TRIED, ENOUGH = 40, 10, 1e-5  # Gauss-Newton steps, those near an end, an
 LONGEST_STEP, LONGEST_DELAY = 0.7, 2.0  # Greatest change in a step: of a logarithm, and of a delay in rows
 LEAST_DAMPED, MOST_DAMPED = 1e-7, 1e4  # Range of Marquardt's damping
 ORDER = 12  # Of the filter that makes a residual white
+QUANTILE = 0.99  # Of a number's distribution at the end of its interval
 SEGMENTS = 8  # Least number of segments
 
 
@@ -123,9 +124,15 @@ class Fit:
         return np.asarray(np.einsum("sij,si->sj", self.slopes, flat) @ self.inverse)
 
     def sigmas(self) -> dict[str, float]:
-        """Return the standard deviations: the sandwich over segments, at least that of a white residual."""
+        """Return the standard deviations: the sandwich over segments, at least that of a white residual.
+
+        Of few segments it is itself uncertain: Student's quantile takes the place of the normal one.
+        """
+        from scipy.special import ndtri, stdtrit
+
         count = len(self.scores)
-        robust = np.sum(self.scores**2, axis=0) * count / max(count - 1, 1)
+        unsure = float(stdtrit(max(count - 1, 1), QUANTILE) / ndtri(QUANTILE))
+        robust = np.sum(self.scores**2, axis=0) * count / max(count - 1, 1) * unsure**2
         plain = np.diag(self.inverse) * max(self.size, 1.0) ** 2
         return in_units(self.numbers, self.steps, np.sqrt(np.maximum(robust, plain)))
 
