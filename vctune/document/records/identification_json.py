@@ -75,7 +75,7 @@ class Estimate:
     sigma: float
     source: str  # the recording and the method
     excess: Hidden[tuple[float, float]] = (0.0, 0.0)  # how far the interval extends beyond the standard deviations
-    reason: Hidden[str] = coded("halves of the log differ, in time or in frequency", "limit-band")  # for the excess
+    reason: Hidden[str] = coded("halves of the log differ, in time, speed or frequency", "limit-band")  # for the excess
     stated: Hidden[bool] = False  # whether the user stated the parameter, which no recording determines then
 
 
