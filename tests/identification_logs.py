@@ -16,8 +16,7 @@ from vctune.model.experiment import Environment, Friction, MovingHand
 from vctune.model.loop.filters import velocity_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
-from vctune.simulation.controller import Law
-from vctune.simulation.sample import (
+from vctune.simulation.compiled import (
     INPUT_NAMES,
     INTENDED,
     INTENDED_VELOCITY,
@@ -26,8 +25,9 @@ from vctune.simulation.sample import (
     NOISE,
     SAMPLES_PER_CALL,
     build,
-    columns,
 )
+from vctune.simulation.controller import Law
+from vctune.simulation.sample import columns
 from vctune.simulation.scene import Scene, intended_motion
 
 OPEN = 1e-9
@@ -85,7 +85,7 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
         state = np.asarray(states)[:, -1]
         blocks.append(np.asarray(records).T)
     recorded = np.vstack(blocks)[: excitation.size]
-    return dict(zip(columns(scene), recorded.T, strict=True))
+    return dict(zip(columns(scene.device), recorded.T, strict=True))
 
 
 def multisine(random, lines, period, periods, sample_time):

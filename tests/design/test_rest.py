@@ -167,10 +167,11 @@ def test_an_admittance_display_answers_the_steps_of_its_force_sensor_as_it_is_si
 
 def impulse_sums(problem: vctune.Problem, gains: Gains, coupling: Coupling) -> tuple[float, float]:
     """Return the sums of |velocity| and |motor force| after an error of 1 N of one sample of the sensed force."""
-    from vctune.simulation.sample import INPUT_NAMES, NOISE, build
+    from vctune.simulation.compiled import INPUT_NAMES, NOISE, build
     from vctune.simulation.scene import designed_scene
 
-    step = build(designed_scene(problem.device, gains, coupling, problem.experiments[0]))
+    scene = designed_scene(problem.device, gains, coupling, problem.experiments[0])
+    step = build(replace(scene, force_resolution=0.0))
     still, state, rows = np.zeros(len(INPUT_NAMES)), np.zeros(len(step.start)), []
     for k in range(6000):
         inputs = still.copy()

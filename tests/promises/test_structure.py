@@ -25,7 +25,7 @@ FLOORS = floors(
 ROOMS = {
     "design": floors(
         "variables prepared | judging | nlp | search | bound | result | solve | advice felt_record rest_record"
-        " | design_record | check | ros"
+        " shake_record | design_record | check | ros"
     ),
     "proof": floors("enclosures outcome | boxes device_box | halving | prover | box_tests | claims | certificate"),
 }

@@ -27,8 +27,8 @@ from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.parts import ForceSensor, Servo
 from vctune.report.experiments import HEADINGS, measured_rows
+from vctune.simulation.compiled import INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.run import run
-from vctune.simulation.sample import INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.scene import Scene, designed_scene, equilibrium, intended_motion
 from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
 

@@ -26,12 +26,14 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
-from vctune.simulation import sample
+from vctune.simulation import compiled
+from vctune.simulation.compiled import INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
+from vctune.simulation.friction import Sliding, friction_step
 from vctune.simulation.metrics import metrics
 from vctune.simulation.plant import plant
 from vctune.simulation.run import run
-from vctune.simulation.sample import COLUMNS, INPUT_NAMES, SAMPLES_PER_CALL, Sliding, build, friction_step
+from vctune.simulation.sample import COLUMNS
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
 from vctune.simulation.two_runs import STANDING, fastest_mode
 
@@ -79,7 +81,7 @@ def scene_of(device, environment=SPRING, operator=HAND, friction=None, **changes
 
 def in_steps(monkeypatch, count):
     """Integrate friction in so many steps a sample."""
-    monkeypatch.setattr(sample, "steps_per_sample", lambda scene, friction: count)
+    monkeypatch.setattr(compiled, "steps_per_sample", lambda friction, device, hand: count)
 
 
 # the loop

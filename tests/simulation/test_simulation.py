@@ -13,11 +13,9 @@ from vctune.document.reading import read_gains, read_problem
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
+from vctune.simulation.compiled import SAMPLES_PER_CALL
 from vctune.simulation.controller import FLOATS, Measurement, at_rest, control, controller_of
 from vctune.simulation.run import run
-from vctune.simulation.sample import (
-    SAMPLES_PER_CALL,
-)
 from vctune.simulation.scene import (
     baseline_scene,
     designed_scene,

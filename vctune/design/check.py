@@ -23,6 +23,8 @@ from vctune.design.judging.said import said_of
 from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.search.theorems import impossible
+from vctune.design.shake_record import in_few_words, shaken_in_time
+from vctune.design.shake_record import notes as shake_notes
 from vctune.design.variables import keys_for, ranges
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, problem_of_gains
@@ -155,7 +157,8 @@ def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked
     if finding.repairs is not None:
         remedies += remedy(repairs, {change.key: change.limit for change in edited})
     known = rendered_in_words(file.problem, judgement)
-    message = "; ".join([said_of(judgement), *remedies, *([known] if known else [])])
+    shakes = in_few_words(*shaken_in_time(file.problem, judgement)) if judgement.status is Status.CERTIFIED else []
+    message = "; ".join([said_of(judgement), *remedies, *([known] if known else []), *shakes])
     line = _line_to_change(design.text, finding.repairs, together)
     return Checked(Path(design.source), file.problem.name, VERDICTS[judgement.status], message, line, finding)
 
@@ -164,6 +167,7 @@ def finding_of(file: ProblemFile, judgement: Judgement, repairs: Found, notes: S
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut or (judgement.status is Status.VIOLATED and out_of_time())
     found = [*([OUT_OF_TIME] if cut else []), *file_doubts(file), *warnings(file.problem, judgement), *notes]
+    found += shake_notes(*shaken_in_time(file.problem, judgement), file.problem.units)
     return DesignFinding(file, judgement, repairs, [note.line for note in found])
 
 

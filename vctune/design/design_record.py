@@ -21,6 +21,7 @@ from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, sta
 from vctune.design.prepared import problems_beside
 from vctune.design.rest_record import REST, rest_record
 from vctune.design.result import Solved
+from vctune.design.shake_record import SHAKES, notes, shaken
 from vctune.design.variables import design_of, keys_for, near, point, ranges
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile
@@ -101,19 +102,24 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         except OutOfTimeError:
             solved = replace(solved, cut=(*solved.cut, CONTACT))
         try:
-            parts["rest"] = rest_record(problem, judgement)
+            parts["ringing"], parts["buzz"] = shaken(problem, judgement)
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, SHAKES))
+        try:
+            parts["rest"] = rest_record(problem, judgement, parts.get("buzz"))
         except OutOfTimeError:
             solved = replace(solved, cut=(*solved.cut, REST))
         with unlimited():
             parts |= _judged(problem, judgement)
             touched, warned = _touched(problem, judgement), warnings(problem, judgement)
+        warned += notes(parts.get("ringing"), parts.get("buzz"), problem.units)
     also = {
         "date": date,
         "prices": solved.prices,
         "rule": "euler" if problem.device.rule == "euler" else None,
         "tried": solved.tried or None,
         "nearest": _nearest(solved),
-        **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "uncertainty")},
+        **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "ringing", "buzz", "uncertainty")},
     }
     said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
     return DesignRecord(

@@ -9,6 +9,7 @@ from vctune.analysis.chatter import Caused, Reading, caused_by, encountered
 from vctune.design.judging.judge import Judgement
 from vctune.document.records.felt_json import ChatterRecord, RestRecord
 from vctune.document.records.rows_json import ChatterColumns
+from vctune.document.records.shake_json import BuzzRecord
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
@@ -24,8 +25,8 @@ SOFTER = (0.001, 0.01, 0.03, 0.1, 0.3, 0.6)
 AT_THE_PORT: ClaimId = "wall_in_any_hand"  # The claim that the port of the handle is passive, its errors apart
 
 
-def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
-    """Return what a design does at rest; None if no step of a reading is known."""
+def rest_record(problem: Problem, judgement: Judgement, buzzes: BuzzRecord | None) -> RestRecord | None:
+    """Return what a design does at rest, after kicks; None if no step of a reading is known."""
     device, gains, coupling = problem.device, judgement.gains, judgement.coupling
     q, q_f, f = read_in_steps(device), device.sensing.resolution, device.friction
     if q is None and q_f is None:
@@ -46,6 +47,8 @@ def rest_record(problem: Problem, judgement: Judgement) -> RestRecord | None:
             and _settle(_filters(judgement), gains, coupling)
         ):
             found["settles"] = True
+        elif buzzes is not None and buzzes.moving:
+            found["settles"] = False
     if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
         found["encoder"] = _chatter("encoder", problem, judgement, q)
         found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
@@ -69,7 +72,7 @@ def _settle(devices: list[Device], gains: Gains, coupling: AnyCoupling) -> bool:
 
 def chatter_columns(problem: Problem, judgement: Judgement) -> ChatterColumns:
     """Return what a sweep states of a design at rest."""
-    record = rest_record(problem, judgement)
+    record = rest_record(problem, judgement, None)
     if record is None or record.encoder is None:
         return ChatterColumns()
     step, friction = record.step_N, record.friction_N

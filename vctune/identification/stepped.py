@@ -6,19 +6,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import frexp, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.model.device import Device
+from vctune.model.numbers.matrices import exponentials
 
 Numbers = Mapping[str, float]
 Complex = NDArray[np.complex128]
 SHORTEST = 0.02  # Shortest lag of a servo, in rows
 LAGS = {1: 1.0, 2: sqrt(2)}  # Lag of a servo's low-pass, times its angular frequency, by its order
-TAYLOR = 14  # Terms of the series of e^A: 1e-16 for a norm of 1/2
 INPUTS = 5  # Force of the motor, friction, hand, and the slopes of the first and of the third over a part of a row
 
 
@@ -93,20 +93,6 @@ def late_rows(delay: Floats, T: float) -> tuple[NDArray[np.integer], Floats]:
     """Return delays as whole rows and a part of a row, s."""
     whole = np.floor(delay / T + 1e-9).astype(int)
     return whole, np.clip(delay - whole * T, 0.0, T)
-
-
-def exponentials(matrices: Floats) -> Floats:
-    """Return e^A of each matrix, by Taylor's series of A / 2^k and k squarings, all matrices at once."""
-    norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
-    halvings = max(0, frexp(norm)[1] + 1)
-    small, term = matrices / 2.0**halvings, np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
-    total = term.copy()
-    for order in range(1, TAYLOR):
-        term = term @ small / order
-        total += term
-    for _ in range(halvings):
-        total = total @ total
-    return total
 
 
 def propagators(A: Floats, B: Floats, time: Floats) -> tuple[Floats, Floats]:

@@ -51,7 +51,8 @@ class Summary:
     sentence: str  # the proved claim, or the reason why nothing is proved
     measure: str  # quality of the design; "" without a design
     next: str  # advice on the next step
-    doubt: str  # text across each figure; "" for a design that is certified and useful
+    shakes: str  # how it rings, and whether it buzzes; "" without a design
+    doubt: str  # text across each figure; "" for a design that is certified, useful and does not buzz
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
@@ -76,8 +77,9 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
         sentence = f"Not proved, so not for use: {record.reason}."
     else:
         useless = record.idle or error is None or error >= LITTLE_USE * alone
-        kind, doubt = ("doubtful", "of little use") if useless else ("good", "")
-        word = f"certified, {doubt}" if useless else "certified"
+        doubt = "of little use" if useless else "buzzes" if record.buzz is not None and record.buzz.moving else ""
+        kind = "doubtful" if doubt else "good"
+        word = f"certified, {doubt}" if doubt else "certified"
         widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
         ranges = problem.uncertainty.ranges if problem.uncertainty is not None else ()
         divided = {problem.device.delay_key} if problem.device.divided else set()
@@ -94,7 +96,9 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
         devices = f"; for every device within {', '.join(known)}" if known else ""
         sentence = f"Proved {record.promise}{devices}."
     measure = words("measure", record, problem, alone)
-    return Summary(kind, word, sentence, measure, words("next", record, problem, kind), doubt)
+    told = [f"It rings with a {record.ringing.told(problem.units)} (estimated)."] if record.ringing else []
+    told += [f"Simulated, {record.buzz.told(problem.units)}."] if record.buzz else []
+    return Summary(kind, word, sentence, measure, words("next", record, problem, kind), " ".join(told), doubt)
 
 
 def limits(record: DesignRecord) -> list[tuple[str, str, str]]:

@@ -287,7 +287,12 @@ def _pressed(c: Controller, measured: Number, velocity: Number, ops: Operations)
 
 def encoded(c: Controller, position: Number, ops: Operations) -> Number:
     """Return a position rounded to the encoder's steps, m; the position itself with an ideal encoder."""
-    return c.resolution * ops.floor(position / c.resolution + 0.5) if c.resolution > 0 else position
+    return in_steps(c.resolution, position, ops)
+
+
+def in_steps(step: Number, value: Number, ops: Operations) -> Number:
+    """Return a value rounded to the steps of a reading; the value itself if these are 0."""
+    return step * ops.floor(value / step + 0.5) if step > 0 else value
 
 
 def _within(bound: Number, value: Number, ops: Operations) -> Number:

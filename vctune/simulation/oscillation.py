@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.run import Traces
+
+if TYPE_CHECKING:
+    from vctune.simulation.run import Traces
 
 SLOW = 20.0  # Frequency, in cycles of the hand's motion, up to which a motion is the hand's own
 LEAST = 1e-3  # Least size of an oscillation, as a share of the hand's travel

@@ -134,9 +134,9 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, row_of
 
 
 def row_times(row: Floats, values: Sequence[Number]) -> Number:
-    """Return the product of a row and values. Factors of 0 are left out, also of the C code."""
+    """Return the product of a row, shape (n,) or (n, hands), and n values. Factors of 0 are left out."""
     total: Number = 0.0
-    for factor, value in zip(row.tolist(), values, strict=True):
-        if factor != 0:
+    for factor, value in zip(row.tolist() if row.ndim == 1 else row, values, strict=True):
+        if np.any(factor):
             total = total + factor * value
     return total

@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.interrupt import interrupt_deferred
 from vctune.model.numbers.arithmetic import Floats
-from vctune.simulation.sample import (
+from vctune.simulation.compiled import (
     INPUT_NAMES,
     INTENDED,
     INTENDED_VELOCITY,
@@ -18,8 +18,8 @@ from vctune.simulation.sample import (
     NOISE,
     SAMPLES_PER_CALL,
     build,
-    columns,
 )
+from vctune.simulation.sample import columns
 from vctune.simulation.scene import Scene, intended_motion, sample_count
 
 # A run has diverged if the distance of the handle from the intended motion exceeds this multiple of the
@@ -53,7 +53,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None) ->
     with interrupt_deferred():
         step = build(scene)
         chunk = step.chunk()
-    recorded = np.empty((samples, len(columns(scene))))
+    recorded = np.empty((samples, len(columns(scene.device))))
     intended = np.empty(samples)
     noise = np.random.default_rng(scene.seed)
     state, done, diverged = step.start, 0, False
@@ -99,5 +99,5 @@ def traces_of(scene: Scene, recorded: Floats, intended: Floats, *, diverged: boo
         near = np.flatnonzero(distance <= limit)
         length = int(near[-1]) + 1 if near.size else 1
         recorded, intended, began = recorded[:length], intended[:length], length * T
-    traced = dict(zip(columns(scene), recorded.T, strict=True))
+    traced = dict(zip(columns(scene.device), recorded.T, strict=True))
     return Traces(time=np.arange(len(intended)) * T, intended=intended, **traced, diverged=began)

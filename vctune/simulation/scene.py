@@ -26,6 +26,7 @@ class Scene:
     law: Law  # the firmware
     force_noise: float  # standard deviation of the force samples' noise, N, and seed of the noise
     seed: int
+    force_resolution: float = 0.0  # step of the force sensor, N; 0 for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +124,7 @@ def _scene(device: Device, experiment: Experiment, gains: Gains, coupling: AnyCo
         law=law,
         force_noise=sensors.force_noise,
         seed=sensors.seed,
+        force_resolution=device.sensing.resolution or 0.0,
     )
 
 

@@ -13,10 +13,10 @@ from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.problem import Problem
+from vctune.simulation.compiled import INPUT_NAMES, build
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.oscillation import Motion, at_rest, motion_of
 from vctune.simulation.run import Traces, run
-from vctune.simulation.sample import INPUT_NAMES, build
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene, evaluated_from, stroke_time
 
 # Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation
@@ -51,7 +51,7 @@ def fastest_mode(scene: Scene) -> Mode:
     modes = []
     for environment in environments:
         law = replace(scene.law, position_resolution=0.0, limit=None, environment=environment)
-        linear = replace(scene, friction=None, force_noise=0.0, law=law)
+        linear = replace(scene, friction=None, force_noise=0.0, force_resolution=0.0, law=law)
         values = np.linalg.eigvals(loop_matrix(linear))
         counted = values[np.abs(values - 1) > STANDING]
         dominant = counted[np.argmax(np.abs(counted))]

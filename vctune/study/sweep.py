@@ -16,6 +16,7 @@ from vctune.design.judging.judge import Status
 from vctune.design.judging.said import open_claims
 from vctune.design.rest_record import chatter_columns
 from vctune.design.result import Solved
+from vctune.design.shake_record import shake_columns
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
 from vctune.document.records.rows_json import COLUMN_OF_KEY, FROM_VERDICT, QUANTITY_OF_COLUMN, RowRecord
@@ -75,6 +76,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
         **{name: number if number is not None and isfinite(number) else None for name, number in numbers.items()},
         **felt_record(problem.device, judgement.gains, judgement.coupling).model_dump(),
         **chatter_columns(problem, judgement).model_dump(),
+        **shake_columns(problem, judgement).model_dump(),
         **yardstick,
     }
 

@@ -32,6 +32,7 @@ from vctune.design.ros.admittance import (
     followed,
     problems_of_axes,
 )
+from vctune.design.shake_record import in_few_words, shaken_in_time
 from vctune.document.reading import ProblemFile, problem_at, problem_file
 from vctune.document.records.design_json import Repair
 from vctune.document.ros import AXES, GRAVITY, HEAVIEST, LIGHTEST, TUNED, WEIGHT, Admittance, AdmittanceFile
@@ -250,6 +251,8 @@ def _checked(
         traps.append(Note("ros-unmodelled", said).line)
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [said_of(judgement)], axis.line, VERDICTS[judgement.status]
+    if judgement.status is Status.CERTIFIED:
+        parts += in_few_words(*shaken_in_time(judgement.posed.problem, judgement))
     parts += remedy(repairs, {}, f"in {problem.source} ")
     parts += [lighter] if lighter else []
     line = next((given.lines[repair.key] for repair in repairs.repairs or [] if repair.key in given.lines), line)

@@ -21,6 +21,7 @@ from vctune.document.records.gains_json import (
     TransparencyRecord,
 )
 from vctune.document.records.part import Number, Pair, Part, Row, how_shown, rows, text
+from vctune.document.records.shake_json import BuzzRecord, RingingRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import Mistake
 from vctune.document.text.json import SealedDocument, as_record, read_json
@@ -198,6 +199,8 @@ class DesignRecord(SealedDocument):
         "transparency": "transparency",
         "felt": "in the hand",
         "rest": "at rest",
+        "ringing": "ringing",
+        "buzz": "kicks",
         "certificate": "certificate",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
@@ -223,6 +226,8 @@ class DesignRecord(SealedDocument):
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
     rest: RestRecord | None = None
+    ringing: RingingRecord | None = None
+    buzz: BuzzRecord | None = None
     at_bound: list[str]
     warnings: list[str]
     solver: dict[str, Any] = Field(default_factory=dict)

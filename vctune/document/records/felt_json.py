@@ -76,22 +76,28 @@ class ChatterRecord(Part):
     hand: Hand
     before: str  # the environments of which it is the worst, in words
 
+    @property
+    def bounded(self) -> bool:
+        """Whether a bound was found."""
+        return any(bound is not None for bound in (self.chatter_m, self.chatter_m_s, self.chatter_N or None))
+
     def row(self, reading: str, units: Units) -> Row:
         """Return the bounds with their reading and hand."""
         of_encoder = reading == "encoder"
         value, unit = (self.chatter_m, units.position) if of_encoder else (self.chatter_m_s, units.speed)
-        step = _milli(self.step, units.position) if of_encoder else f"{text(self.step, 3)} {units.force}"
-        bounds = [] if value is None else [_milli(value, unit)]
+        step = milli(self.step, units.position) if of_encoder else f"{text(self.step, 3)} {units.force}"
+        bounds = [] if value is None else [milli(value, unit)]
         bounds += [f"{text(self.chatter_N, 3)} {units.force}"] if self.chatter_N else []
-        value_text, _, rest = (" and ".join(bounds) or "none").partition(" ")
+        value_text, _, rest = " and ".join(bounds).partition(" ")
         where = (
             f"from steps of {step} of the {reading}, in the hand of {self.hand.in_words(units)} before {self.before}"
         )
         slow = "; the motion dies away too slowly for a bound" if value is None else ""
-        return Row("chatter at most", value_text, f"{rest} {where}; computed, without friction{slow}".strip())
+        bound = f"{rest} {where}; a bound without friction, which ranks no designs{slow}".strip()
+        return Row("chatter at most", value_text or "no bound found", bound)
 
 
-def _milli(value: float, unit: str) -> str:
+def milli(value: float, unit: str) -> str:
     """Return a small length or angle, or a small speed."""
     return f"{text(1e3 * value, 4)} m{unit}" if value < 1 else f"{text(value, 4)} {unit}"
 
@@ -104,7 +110,7 @@ class RestRecord(Part):
     damper_step_N: Number = None
     friction_N: Number = None
     rests: bool | None = None  # whether the friction holds the spring's step both ways; null if one is not known
-    settles: bool | None = None  # true if every motion comes to rest; null if that is not known
+    settles: bool | None = None  # true if every motion is proved to come to rest, false if a kick does not; else null
     encoder: ChatterRecord | None = None
     force_sensor: ChatterRecord | None = None
 
@@ -123,7 +129,12 @@ class RestRecord(Part):
         for reading, of in (("encoder", self.encoder), ("force sensor", self.force_sensor)):
             if of is not None:
                 row = of.row(reading, units)
-                said.append(f"Computed, not proved: chatter at most {row.value} {row.unit.partition(';')[0]}.")
+                bound = f"{row.value} {row.unit.partition(';')[0]}"
+                said.append(
+                    f"Computed, not proved: chatter at most {bound}."
+                    if of.bounded
+                    else f"No bound of the chatter was found {bound.partition('found ')[2]}."
+                )
         return said
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -136,9 +147,11 @@ class RestRecord(Part):
         damper = f"the damper's {text(self.damper_step_N, 4)} {units.force} a step"
         if self.settles:
             yield Row("comes to rest", "yes", f"from every motion: the friction also holds {damper}")
-        elif self.rests and self._moved_by_damper:
-            some = f"{damper} may keep it trembling within a step, where the force is between two readings"
-            yield Row("comes to rest", "mostly", some)
+        elif self.settles is False:
+            yield Row("comes to rest", "no", "a kick keeps it moving")
+        elif self.rests is not None:
+            some = f": {damper} may keep it trembling within a step" if self._moved_by_damper else ""
+            yield Row("comes to rest", "open", f"no kick keeps it moving, and it is not proved{some}")
         for reading, of in (("encoder", self.encoder), ("force sensor", self.force_sensor)):
             if of is not None:
                 yield of.row(reading, units)

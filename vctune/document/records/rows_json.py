@@ -8,6 +8,7 @@ from pydantic import Field, create_model
 
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
 from vctune.document.records.part import Document, From, Number, Part, how_shown, marks
+from vctune.document.records.shake_json import ShakeColumns
 from vctune.model.fields import Shown
 from vctune.model.numbers.units import SYMBOLS
 
@@ -86,7 +87,7 @@ class ChatterColumns(Part):
     chatter_N: Annotated[Number, Shown("chatter of the motor's force, at most", of="force")] = None
 
 
-ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, ChatterColumns, RowYardstickRecord)
+ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, ChatterColumns, ShakeColumns, RowYardstickRecord)
 # How tables display the columns of numbers, in order
 SHOWN_COLUMNS = {name: shown for part in ROW_PARTS for name, shown in how_shown(part).items()}
 # Quantity of each column (`vctune.model.numbers.units`)
@@ -99,7 +100,7 @@ COLUMN_OF_KEY = {
 }
 
 
-class RowRecord(RowYardstickRecord, ChatterColumns, FeltRecord, BandRecord, VerdictRecord, NumbersRecord):
+class RowRecord(RowYardstickRecord, ShakeColumns, ChatterColumns, FeltRecord, BandRecord, VerdictRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point."""
 
     key: str  # digest of everything that determines the point

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import count
-from math import ceil, comb, exp, factorial, inf, log2, pi
+from math import ceil, comb, exp, factorial, frexp, inf, log2, pi
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.numbers.arithmetic import Arithmetic, ArrayArithmetic, Number
+from vctune.model.numbers.arithmetic import Arithmetic, ArrayArithmetic, Floats, Number
 
 Matrix = tuple[tuple[Number, ...], ...]
 Vector = tuple[Number, ...]
@@ -270,3 +270,20 @@ def columns_of(matrix: AnyMatrix, first: int, end: int) -> AnyMatrix:
 def column(matrix: Matrix, index: int) -> Vector:
     """Return one column of a matrix."""
     return tuple(row[index] for row in matrix)
+
+
+TAYLOR = 14  # Terms of the series of e^A of doubles: 1e-16 for a norm of 1/2
+
+
+def exponentials(matrices: Floats) -> Floats:
+    """Return e^A of each matrix, by Taylor's series of A / 2^k and k squarings, all matrices at once."""
+    norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
+    halvings = max(0, frexp(norm)[1] + 1)
+    small, term = matrices / 2.0**halvings, np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
+    total = term.copy()
+    for order in range(1, TAYLOR):
+        term = term @ small / order
+        total += term
+    for _ in range(halvings):
+        total = total @ total
+    return total
