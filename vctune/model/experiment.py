@@ -74,7 +74,9 @@ class MovingHand:
     ] = "reciprocate"
     start: Annotated[Place, Field(alias="from"), Key("Position, m, at which the intended motion starts.")] = 0.0
     end: Annotated[Place, Field(alias="to"), Key("Position, m, of the other end of the motion.")] = 0.05
-    speed: Annotated[Positive, Key("Greatest speed of the intended motion, or speed of the kick, m/s.")] = 0.01
+    speed: Annotated[
+        NotNegative, Key("Greatest speed of the intended motion, or speed of the kick, m/s; 0 releases the handle.")
+    ] = 0.01
     cycles: Annotated[
         Count,
         Key(

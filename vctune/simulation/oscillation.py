@@ -63,7 +63,7 @@ def at_rest(traces: Traces, last: NDArray[np.bool_], travel: float, count: float
     within = np.linspace(time[0], time[-1], BETWEEN * (len(time) - 1) + 1)
     position = CubicHermiteSpline(time, traces.position[last], traces.velocity[last])(within)
     amplitude, commanded = float(np.ptp(position)) / 2, float(np.ptp(motor))
-    if amplitude <= SHAKES * (count or LEAST * travel) and commanded <= SHAKES * float(np.abs(motor).max()):
+    if amplitude <= SHAKES * (count or LEAST * travel) and commanded <= SHAKES * float(np.abs(traces.motor).max()):
         return Motion("rests", amplitude_m=amplitude, rests=True)
     halves = [float(np.ptp(half)) for half in np.array_split(position, 2)]
     kind: Literal["settles", "buzzes"] = "buzzes" if halves[1] >= LASTS * halves[0] else "settles"

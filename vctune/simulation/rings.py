@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,11 @@ from vctune.simulation.scene import Scene
 from vctune.simulation.together import held_by, together
 from vctune.simulation.worlds import laws
 
-# Numbers of a hand on the grid, decades below its end of one whose range begins at 0, and narrowings of the grid around
-# its worst hand
-SHARES, DECADES, NARROWINGS = 7, 4.0, 4
+# Numbers of a hand on the grid, decades below its end of one whose range begins at 0, local minima that are refined,
+# and halvings of the distance from them
+ON_GRID, DECADES, STARTS, NARROWINGS = 7, 4.0, 6, 8
 STANDING = 1e-5  # Distance from 1 within which an eigenvalue belongs to a place without a restoring force
-LEAST = 1e-9  # Least angle of an oscillation, rad per sample
+SLOWEST = 2 * pi * 0.1  # Least angular frequency of what shakes a hand, rad/s: what is slower drifts
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,50 +57,78 @@ def ringing(
 
 
 def _in_hands(device: Device, law: Law, world: World, hands: Hands) -> list[Ringing]:
-    """Return the least damped oscillation before one environment: on a grid that narrows around its worst hand."""
-    low, high = ([float(getattr(end, name)) for name in NAMES] for end in (hands.low, hands.high))
-    grid = [_shares(*ends) for ends in zip(low, high, strict=True)]
-    best: tuple[float, complex, tuple[float, ...]] | None = None
-    for _ in range(NARROWINGS + 1):
-        places = list(product(*grid))
-        least = least_damped(loop_matrices(device, law, [Hand(*place) for place in places]))
-        k = int(np.argmin([ratio for ratio, _ in least]))
-        if not np.isfinite(least[k][0]):
-            return []
-        if best is None or least[k][0] < best[0]:
-            best = (*least[k], places[k])
-        grid = [_near(axis, value) if len(axis) > 1 else axis for axis, value in zip(grid, best[2], strict=True)]
-    assert best is not None
-    ratio, s = best[0], best[1] / device.sample_time
-    return [Ringing(ratio, abs(s.imag), -1 / s.real if s.real else np.inf, device, Hand(*best[2]), world)]
+    """Return the least damped oscillation before one environment: on a grid, which narrows around its local minima."""
+    low, high = (np.array([float(getattr(end, name)) for name in NAMES]) for end in (hands.low, hands.high))
+    axes = [_spread(*ends) for ends in zip(low, high, strict=True)]
+    places = np.array(list(product(*axes)))
+
+    def ratios(places: Floats) -> tuple[Floats, Floats]:
+        return least_damped(
+            loop_matrices(device, law, [Hand(*map(float, place)) for place in places]), device.sample_time
+        )
+
+    ratio, s = ratios(places)
+    if not np.isfinite(ratio).any():
+        return []
+    starts = _local_minima(ratio.reshape([len(axis) for axis in axes]))[:STARTS]
+    best = places[starts]
+    best_ratio, best_s, reach = (
+        ratio[starts],
+        s[starts],
+        np.array([[_reach(a, x) for a, x in zip(axes, at, strict=True)] for at in best]),
+    )
+    for _ in range(NARROWINGS):
+        steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+        tried = np.clip(best[:, None] + steps * reach[:, None], low, high)
+        ratio, s = (each.reshape(tried.shape[:2]) for each in ratios(tried.reshape(-1, 3)))
+        k, rows = np.argmin(ratio, axis=1), np.arange(len(best))
+        better = ratio[rows, k] < best_ratio
+        best = np.where(better[:, None], tried[rows, k], best)
+        best_ratio, best_s = np.where(better, ratio[rows, k], best_ratio), np.where(better, s[rows, k], best_s)
+        reach = reach / 2
+    k = int(np.argmin(best_ratio))
+    rate = complex(best_s[k])
+    time = -1 / rate.real if rate.real else np.inf
+    return [Ringing(float(best_ratio[k]), abs(rate.imag), time, device, Hand(*map(float, best[k])), world)]
 
 
-def _shares(low: float, high: float) -> list[float]:
+def _spread(low: float, high: float) -> list[float]:
     """Return values from one end to the other, spaced by logarithm."""
     if low == high:
         return [low]
     first = low if low > 0 else high * 10**-DECADES
-    return [*([] if low > 0 else [low]), *map(float, np.geomspace(first, high, SHARES - (low == 0)))]
+    return [*([] if low > 0 else [low]), *map(float, np.geomspace(first, high, ON_GRID - (low == 0)))]
 
 
-def _near(axis: list[float], value: float) -> list[float]:
-    """Return values between the neighbours of a value on an axis."""
-    k = axis.index(value) if value in axis else int(np.argmin(np.abs(np.array(axis) - value)))
-    return [float(v) for v in np.unique([*np.linspace(axis[max(k - 1, 0)], axis[min(k + 1, len(axis) - 1)], 5), value])]
+def _local_minima(values: Floats) -> NDArray[np.intp]:
+    """Return the places in a flat grid that are not above their neighbours along the axes, the least first."""
+    padded = np.pad(values, 1, constant_values=np.inf)
+    inner = tuple(slice(1, -1) for _ in values.shape)
+    least = np.isfinite(values)
+    for axis in range(values.ndim):
+        for shift in (-1, 1):
+            least &= values <= np.roll(padded, shift, axis)[inner]
+    flat = np.flatnonzero(least)
+    return flat[np.argsort(values.ravel()[flat])]
 
 
-def least_damped(matrices: Floats) -> list[tuple[float, complex]]:
-    """Return the damping ratio of the least damped oscillation of each matrix, and its s T; inf where nothing
+def _reach(axis: list[float], value: float) -> float:
+    """Return half of the greatest distance from a value of an axis to its neighbours."""
+    k = axis.index(value)
+    return max((abs(axis[i] - value) for i in (k - 1, k + 1) if 0 <= i < len(axis)), default=0.0) / 2
+
+
+def least_damped(matrices: Floats, sample_time: float) -> tuple[Floats, Floats]:
+    """Return the damping ratio of the least damped oscillation of each matrix, and its s; inf where nothing
     oscillates."""
     z = np.linalg.eigvals(matrices).astype(complex)
     with np.errstate(all="ignore"):
-        s = np.log(z)
+        s = np.log(z) / sample_time
         ratio = -s.real / np.abs(s)
-    counted = (np.abs(z - 1) > STANDING) & (np.abs(s.imag) > LEAST) & np.isfinite(ratio)
+    counted = (np.abs(z - 1) > STANDING) & (np.abs(s.imag) > SLOWEST) & np.isfinite(ratio)
     ratio = np.where(counted, ratio, np.inf)
-    k = np.argmin(ratio, axis=1)
-    rows = np.arange(len(z))
-    return list(zip(map(float, ratio[rows, k]), map(complex, s[rows, k]), strict=True))
+    k, rows = np.argmin(ratio, axis=1), np.arange(len(z))
+    return ratio[rows, k], s[rows, k]
 
 
 def loop_matrices(device: Device, law: Law, hands: Sequence[Hand]) -> Floats:

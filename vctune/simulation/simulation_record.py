@@ -28,7 +28,9 @@ from vctune.simulation.scene import evaluated_from, stroke_time
 from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
-CURVE_POINTS = 500  # Greatest number of points of a curve: evenly spaced samples, of which traces.npz has all
+# Greatest number of points of a curve: evenly spaced samples, of which traces.npz has all; of an oscillation every
+# sample of the last ones
+CURVE_POINTS, OF_OSCILLATION = 500, 2000
 
 
 def simulation_record(
@@ -72,7 +74,7 @@ def _experiment(simulated: Simulated) -> ExperimentRecord:
     hand = experiment.operator
     quantity, begin = axis(experiment.environment), evaluated_from(hand) if hand.stays else 2 * stroke_time(hand)
     baseline, design = (
-        None if run is None else _run(run, _curve(run.traces, quantity, begin))
+        None if run is None else _run(run, _curve(run, quantity, begin))
         for run in (simulated.baseline, simulated.design)
     )
     assert design is not None
@@ -102,10 +104,12 @@ def _run(run: Run, curve: list[list[float]]) -> RunRecord:
     )
 
 
-def _curve(traces: Traces, name: str, begin: float) -> list[list[float]]:
+def _curve(run: Run, name: str, begin: float) -> list[list[float]]:
     """Return position or velocity, and the force at each of its values."""
+    traces, oscillates = run.traces, run.motion is not None and run.motion.kind == "buzzes"
     first = int(np.searchsorted(traces.time, begin * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
-    step = ceil((len(traces.time) - first) / CURVE_POINTS)
+    first = max(first, len(traces.time) - OF_OSCILLATION) if oscillates else first
+    step = 1 if oscillates else ceil((len(traces.time) - first) / CURVE_POINTS)
     points = zip(getattr(traces, name)[first::step], traces.force[first::step], strict=True)
     return [[float(f"{value:.5g}") for value in point] for point in points]

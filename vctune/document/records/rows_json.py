@@ -30,7 +30,7 @@ class FeltRecord(Part):
     felt_mass_10hz: Annotated[Number, Shown("mass felt at 10 Hz", of="mass")]
     felt_damping_1hz: Annotated[Number, Shown("damping felt at 1 Hz", of="damping")]
     felt_damping_10hz: Annotated[Number, Shown("damping felt at 10 Hz", of="damping")]
-    stiffest_wall: Annotated[Number, Shown("stiffest wall felt, at 10 Hz", of="stiffness")]
+    stiffest_wall: Annotated[Number, Shown("|force/motion| of a rigid wall, at 10 Hz", of="stiffness")]
     tracking_bandwidth_hz: Annotated[Number, Shown("bandwidth of tracking", of="frequency")]
 
 

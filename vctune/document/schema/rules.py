@@ -487,14 +487,22 @@ def _motion(file: Stated) -> Found:
     """Yield a hand that is not connected or does not move, and strokes that are too short or too long."""
     usual = _defaults(MovingHand)
     start, end, speed, cycles, damping, stiffness = (file(f"experiment.operator.{key}", usual[key]) for key in MOTION)
-    if file.value("experiment.operator.motion") in ("kick", "hold"):
+    motion = file.value("experiment.operator.motion")
+    if motion == "kick" and speed == 0 and start == end:
+        yield (
+            "experiment.operator",
+            f"from and to are both {start:g}, and speed is 0: nothing moves; change one of them",
+        )
+    if motion in ("kick", "hold"):
         start = nan  # there is no stroke
     samples = abs(end - start) / (speed if speed > 0 else nan) / file.T
-    if file.servo and file.value("experiment.operator.motion") == "kick":
+    if file.servo and motion == "kick":
         yield "experiment.operator.motion", f'"kick" means nothing with [device.servo]: {_UNMOVED}; write "hold"'
     if damping == 0 and stiffness == 0:
         message = "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
         yield "experiment.operator", message
+    elif speed == 0 and motion not in ("kick", "hold"):
+        yield "experiment.operator.speed", '0: the hand does not move; write a speed, or motion = "kick" for a release'
     if start == end:
         yield "experiment.operator", f"from and to are both {start:g}: nothing moves; give them different places"
     elif 0 < samples < LEAST_STROKE:
