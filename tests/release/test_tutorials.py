@@ -75,7 +75,9 @@ def test_a_tutorial_prints_what_it_shows(tutorial, tmp_path):
 
 
 def lines(text: str) -> list[str]:
-    """Return the lines of a tutorial, without digests."""
+    """Return the lines of a tutorial, without digests and without which kicks keep a device moving: the last digit of
+    a machine decides where a limit cycle begins."""
+    text = re.sub(r"\d+ of \d+ kicks\s+keep\s.*?(?=;|\s\[)|after\s+\d+ of \d+ kicks", "kicks", text, flags=re.DOTALL)
     return re.sub(r"sha256 [0-9a-f]{64}", "sha256", text).splitlines()
 
 

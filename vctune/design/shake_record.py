@@ -97,6 +97,7 @@ def _buzz_record(found: Buzz | None, problem: Problem) -> BuzzRecord | None:
     if found is None or found.hand is None or found.world is None:
         return None if found is None else BuzzRecord(kicks=found.kicks, moving=0)
     step, force = read_in_steps(problem.device), problem.device.commanded == "force"
+    friction = problem.device.friction
     return BuzzRecord(
         kicks=found.kicks,
         moving=found.moving,
@@ -106,6 +107,7 @@ def _buzz_record(found: Buzz | None, problem: Problem) -> BuzzRecord | None:
         world=_in_words(found.world, problem.units),
         **({"force_N": found.force} if force else {}),
         **({"step_m": step} if step is not None else {}),
+        **({"friction_N": friction} if friction else {}),
     )
 
 

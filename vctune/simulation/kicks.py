@@ -70,7 +70,7 @@ def buzz(
         friction = Friction(f, f) if f > 0 and device.servo is None else None
         scene = Scene(device, held_by(corners[0]), friction, replace(law, position_resolution=q), 0.0, 0, q_f)
         speed, place = _sizes(device, gains, coupling, kicked, (q, q_f, f))
-        firm = world.stiffness > 0
+        firm = world.stiffness > 0 and stiffness_read(gains, coupling) > 0  # else a constant force moves it on
         found.append(
             _struck(together(scene, kicked), kicked, speed, place, PUSHES * f if firm else 0.0, world, seconds)
         )
@@ -113,12 +113,14 @@ def _struck(
     lasting: tuple[NDArray[np.intp], Floats, Floats] = (lanes[:0], np.zeros((0, 0)), np.zeros((0, 0)))
     for _ in range(ceil(total / block)):
         now, places, forces = _watched(one, now, pushed, block)
-        ripple, moved = _ripple(places), np.ptp(forces, axis=0)
+        (ripple, drift), moved = _ripple(places), np.ptp(forces, axis=0)
         travel = np.maximum(travel, ripple)
         greatest = np.maximum(greatest, np.abs(forces).max(axis=0))
         rests = (ripple <= SHAKES * q if q > 0 else ripple <= GRAIN * travel) & (moved <= SHAKES * greatest)
         goes_on = ~rests
-        lasts = goes_on & (ripple >= LASTS * last[lanes])
+        lasts = (
+            goes_on & (ripple >= LASTS * last[lanes]) & (drift <= ripple)
+        )  # what drifts on shows the steps it passes
         lasting = lanes[lasts], places[:, lasts], forces[:, lasts]
         last[lanes] = ripple
         if not goes_on.any():
@@ -129,7 +131,7 @@ def _struck(
     which, places, forces = lasting
     if not which.size:
         return Buzz(count, 0, 0.0, 0.0, 0.0, None, None)
-    sizes = _ripple(places)
+    sizes, _ = _ripple(places)
     k = int(np.argmax(sizes))
     hz, force = strongest_hz(places[:, k], device.sample_time), float(np.ptp(forces[:, k])) / 2
     return Buzz(count, which.size, float(sizes[k]), force, hz, hands[which[k]], world)
@@ -145,8 +147,8 @@ def _watched(one: Together, now: Parts, push: Floats, count: int) -> tuple[Parts
     return now, places, forces
 
 
-def _ripple(places: Floats) -> Floats:
-    """Return half of the way to and fro beside a steady motion, m."""
+def _ripple(places: Floats) -> tuple[Floats, Floats]:
+    """Return half of the way to and fro beside a steady motion, and half of the way of that motion, m."""
     t = np.linspace(-1.0, 1.0, len(places))[:, None]
     drift = (places * t).sum(axis=0) / (t * t).sum()
-    return np.asarray(np.ptp(places - drift * t, axis=0) / 2)
+    return np.asarray(np.ptp(places - drift * t, axis=0) / 2), np.abs(drift)

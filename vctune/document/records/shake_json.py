@@ -64,6 +64,7 @@ class BuzzRecord(Part):
     force_N: Number = None  # half of what the motor's force varies; absent for a servo
     frequency_hz: Number = None
     step_m: Number = None  # step of the encoder; absent without one
+    friction_N: Number = None  # with which it was kicked; absent if none is stated
     hand: Hand | None = None
     world: str | None = None
 
@@ -77,7 +78,8 @@ class BuzzRecord(Part):
         verb = "keeps" if self.moving == 1 else "keep"
         place = f"in the hand of {self.hand.in_words(units)} before {self.world}"
         motion = f"{size} at {text(self.frequency_hz, 3)} Hz{force}"
-        return f"{self.moving} of {self.kicks} kicks {verb} moving: {motion}, {place}"
+        dry = "" if self.friction_N else "; without friction, since none is stated"
+        return f"{self.moving} of {self.kicks} kicks {verb} moving: {motion}, {place}{dry}"
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield whether it buzzes."""
