@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
+from command import run as command
 from draws import admittance, coupling_for, gains_for, hands_for, impedance, servo, spring_for, stated, triple
 from loop import Loop, matrix
 from rubbing import Rubbing, run
@@ -137,3 +140,46 @@ def test_a_wall_buzzes_after_kicks_as_the_oracle_steps_it(seed):
         assert len(ways) > 0
         assert ways.min() * 0.9 < found.amplitude < ways.max() * 1.1
         assert forces.min() * 0.9 < found.force < forces.max() * 1.1
+
+
+BUZZING = """
+[device]
+display = "impedance"
+units = "rotary"
+mass = 5e-4
+damping = 1e-3
+friction = 0.02
+sample_time = 1e-3
+velocity = { resolution = 3.1416e-4 }
+[environment]
+stiffness = inf
+[operator]
+mass = { max = 5e-4 }
+damping = { max = 0.05 }
+stiffness = { max = 5.0 }
+[stability]
+criterion = "hands"
+[coupling]
+stiffness = 127.32365
+damping = 0.811153
+"""
+
+
+@pytest.mark.parametrize("buzzing", [True, False])
+def test_a_wall_that_buzzes_says_so_everywhere(tmp_path, buzzing):
+    """In the table, the record, the line of `check`, the warning and the page, which is not green."""
+    text = BUZZING
+    if not buzzing:
+        text = text.replace("e-4 }\n[env", "e-4, filter_hz = 30.0 }\n[env").replace("127.32365", "41.406426")
+        text = text.replace("0.811153", "0.257882")
+    (tmp_path / "wall.toml").write_text(text)
+    checked = command("check", "wall.toml", cwd=tmp_path).stdout
+    assert ("buzzes after" in checked and "[warn-buzzes]" in checked) == buzzing
+    assert "rings with a damping ratio of " + ("0.016" if buzzing else "0.0046") in checked
+    solved = command("solve", "wall.toml", "--out", "out", cwd=tmp_path, report=True).stdout
+    assert re.search(r"comes to rest +(no|open)", solved)[1] == ("no" if buzzing else "open")
+    assert re.search(r"buzzes +(yes|no)", solved)[1] == ("yes" if buzzing else "no")
+    record = json.loads((tmp_path / "out/wall/design.json").read_text())
+    assert record["buzz"]["kicks"] >= 40 and (record["buzz"]["moving"] > 0) == buzzing
+    page = (tmp_path / "out/wall/report.html").read_text()
+    assert ("certified, buzzes" in page) == buzzing
