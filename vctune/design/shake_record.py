@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, pi
 
 import numpy as np
@@ -69,16 +68,10 @@ def _ringing(problem: Problem, judgement: Judgement) -> Ringing | None:
 
 
 def _buzz(problem: Problem, judgement: Judgement, rings: Ringing | None) -> Buzz | None:
-    """Return what kicks do to the nominal device, and to the device that rings most."""
-    devices = dict.fromkeys([problem.device.undisturbed.bare, *([] if rings is None else [rings.device])])
-    slow, worlds = 0.0 if rings is None else rings.time_constant, tuple(worlds_of(problem.worlds, rigid=problem.rigid))
-    law = judgement.gains, judgement.coupling
-    found = [buzz(device, hands_at_rest(problem), *law, worlds, slow) for device in devices]
-    each = [one for one in found if one is not None]
-    if not each:
-        return None
-    worst = max(each, key=lambda one: (one.moving > 0, one.amplitude))
-    return replace(worst, kicks=sum(one.kicks for one in each), moving=sum(one.moving for one in each))
+    """Return what kicks do to the device that rings most, or to the nominal one if none rings."""
+    device, slow = (problem.device.undisturbed.bare, 0.0) if rings is None else (rings.device, rings.time_constant)
+    worlds = tuple(worlds_of(problem.worlds, rigid=problem.rigid))
+    return buzz(device, hands_at_rest(problem), judgement.gains, judgement.coupling, worlds, slow)
 
 
 def _ringing_record(found: Ringing | None, units: Units) -> RingingRecord | None:

@@ -31,9 +31,11 @@ EVENLY = 1 / 1.1673039782614187 ** np.arange(1, 5)
 SLOWEST, FASTEST = 0.1, 16.0  # Speeds of the kicks, in steps of the encoder per sample and speeds that friction stops
 AWAY = 30.0  # Greatest distance of the hand's place from the handle, in steps
 PUSHES = 1.25  # Greatest constant force of the hand, as a share of the friction
-# Time for which a device is watched at once, s, and least number of samples; time constants, and limits, of a run
-WATCHED, LEAST_SAMPLES = 0.25, 128
-CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 8.0, 1.5, 12.0, 20_000
+# Time for which a device is watched at once, s and in time constants, so that what fades differs from what lasts, and
+# least number of samples
+WATCHED, FADES, LEAST_SAMPLES = 0.25, 0.25, 128
+# Length of a run in time constants, and its limits in seconds and in samples
+CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
 GRAIN = 1e-4  # Of an ideal encoder: share of a kick's motion that counts as a step
 
 
@@ -106,7 +108,7 @@ def _struck(
     for name, value in (("position", begins), ("velocity", struck), ("handle_velocity", struck)):
         if name in names and not (device.servo is not None and name != "position"):
             now["body"][names.index(name)] = value.copy()
-    block = max(ceil(WATCHED / device.sample_time), LEAST_SAMPLES)
+    block = max(ceil(max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3)) / device.sample_time), LEAST_SAMPLES)
     total = min(max(ceil(seconds / device.sample_time), 3 * block), max(MOST_SAMPLES, 3 * block))
     lanes, last = np.arange(count), np.full(count, np.inf)
     travel, greatest = np.zeros(count), np.zeros(count)

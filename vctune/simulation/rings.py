@@ -47,17 +47,25 @@ def ringing(
     devices: tuple[Device, ...], hands: Hands, gains: Gains, coupling: AnyCoupling, worlds: tuple[World, ...]
 ) -> Ringing | None:
     """Return the least damped oscillation of a design on any of the devices, in any hand of a box and before any of the
-    environments; None if nothing oscillates."""
-    found = list[Ringing]()
-    for device in devices:
-        for world, law in laws(device, gains, coupling, worlds):
-            check_time()
-            found += _in_hands(device, law, world, hands)
+    environments; None if nothing oscillates. On all but the first device only those that ring most at a corner of the
+    box are searched."""
+    places = [(device, *each) for device in devices for each in laws(device, gains, coupling, worlds)]
+    first, others = places[: len(worlds)], places[len(worlds) :]
+    corners = list(dict.fromkeys(hands.corners))
+
+    def at_corners(place: tuple[Device, World, Law]) -> float:
+        check_time()
+        device, _, law = place
+        return float(least_damped(loop_matrices(device, law, corners), device.sample_time)[0].min())
+
+    searched = [*first, *sorted(others, key=at_corners)[: len(worlds)]]
+    found = [each for device, world, law in searched for each in _in_hands(device, law, world, hands)]
     return min(found, key=lambda each: each.damping_ratio, default=None)
 
 
 def _in_hands(device: Device, law: Law, world: World, hands: Hands) -> list[Ringing]:
     """Return the least damped oscillation before one environment: on a grid, which narrows around its local minima."""
+    check_time()
     low, high = (np.array([float(getattr(end, name)) for name in NAMES]) for end in (hands.low, hands.high))
     axes = [_spread(*ends) for ends in zip(low, high, strict=True)]
     places = np.array(list(product(*axes)))
