@@ -115,7 +115,9 @@ def struck(wall: Rubbing, speed: float, count: int, seed: int):
     speeds, held = speed * rng.uniform(0, 16, count), wall.f * rng.uniform(-1.25, 1.25, count)
     seen = run([wall] * count, wall.q * rng.uniform(-0.5, 0.5, count), speeds, held, 3.0, 0.5, parts=40)
     moving = seen.moved > 1e-3 * wall.q
-    return seen.moved[moving], seen.pushed[moving]
+    trace = seen.trace[:, moving] - seen.trace[:, moving].mean(axis=0)
+    lines = np.abs(np.fft.rfft(trace * np.hanning(len(trace))[:, None], 8 * len(trace), axis=0))
+    return seen.moved[moving], seen.pushed[moving], np.argmax(lines, axis=0) / (8 * len(trace) * wall.T)
 
 
 @pytest.mark.parametrize("seed", range(DRAWS))
@@ -133,13 +135,14 @@ def test_a_wall_buzzes_after_kicks_as_the_oracle_steps_it(seed):
     }).problem  # fmt: skip
     found = buzz(problem.device, hands_at_rest(problem), *problem.fixed_design, (RIGID,), 0.3)
     assert found is not None
-    ways, forces = struck(wall, speed, 200, seed)
+    ways, forces, hertz = struck(wall, speed, 200, seed)
     if not found.moving:
         assert len(ways) <= 4
     elif found.moving > 0.02 * found.kicks:  # a rarer one, others may not find
         assert len(ways) > 0
         assert ways.min() * 0.9 < found.amplitude < ways.max() * 1.1
         assert forces.min() * 0.9 < found.force < forces.max() * 1.1
+        assert hertz.min() * 0.9 < found.frequency < hertz.max() * 1.1
 
 
 BUZZING = """
