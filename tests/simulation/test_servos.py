@@ -25,12 +25,14 @@ from vctune.document.building import problem as problem_of
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand
 from vctune.model.parts import ForceSensor, Servo
 from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.simulation.compiled import INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene, designed_scene, equilibrium, intended_motion
-from vctune.simulation.two_runs import STANDING, fastest_mode, loop_matrix
+from vctune.simulation.together import matrices_of
+from vctune.simulation.two_runs import STANDING, fastest_mode
 
 NO_GAINS = Gains(0.0, 0.0)
 HAND = MovingHand("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
@@ -131,7 +133,8 @@ def test_both_kinds_of_loops_were_there():
 def test_motion_grows_and_turns_in_time_by_the_largest_root(seed):
     """Left to itself in the mode that grows the fastest, each sample is the last one times the oracle's root."""
     step, scene = random_loop(seed)
-    values, vectors = np.linalg.eig(loop_matrix(scene))
+    hand = Hand(scene.operator.mass, scene.operator.damping, scene.operator.stiffness)
+    values, vectors = np.linalg.eig(matrices_of(scene, [hand])[0])
     top = top_of(step)
     mode = vectors[:, np.argmin(np.abs(values - top))]
     samples = int(min(SAMPLES_PER_CALL, 1 + 8 / abs(log(abs(top)))))

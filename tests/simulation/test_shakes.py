@@ -19,7 +19,7 @@ import vctune
 from vctune.design.rest_record import hands_at_rest
 from vctune.simulation.kicks import buzz
 from vctune.simulation.rings import ringing
-from vctune.simulation.worlds import RIGID, worlds_of
+from vctune.simulation.worlds import NOTHING, RIGID, worlds_of
 
 DRAWS = int(os.environ.get("VCTUNE_DRAWS", "2"))
 IMMOVABLE = (0.0, 1e12, 0.0)
@@ -143,6 +143,55 @@ def test_a_wall_buzzes_after_kicks_as_the_oracle_steps_it(seed):
         assert ways.min() * 0.9 < found.amplitude < ways.max() * 1.1
         assert forces.min() * 0.9 < found.force < forces.max() * 1.1
         assert hertz.min() * 0.9 < found.frequency < hertz.max() * 1.1
+
+
+def coupled_kicks(f: float, K: float, count: int) -> tuple[float, np.ndarray]:
+    """Kick a mass on a velocity loop, with an encoder, friction, and a coupling with nothing behind, held by a spring.
+
+    Return the share of kicks that keep moving and half of their ways, by steps of a hundredth of a sample.
+    """
+    m, b, T, q, K_v, (b_c, m_c, b_0) = 0.4, 2.0, 1e-3, 1e-6, 280.62733, (165.62434, 0.10202111, 0.94904712)
+    rng, samples, dt = np.random.default_rng(3), 2500, T / 100
+    x, v = rng.uniform(-q / 2, q / 2, count), rng.uniform(0, 16 * (q / T + f / (K_v + b)), count)
+    place, before, v_e, branch = rng.uniform(-30 * q, 30 * q, count), np.zeros(count), np.zeros(count), np.zeros(count)
+    a, trace = T * b_c / (2 * m_c), []
+    for k in range(samples):
+        read = q * np.floor(x / q + 0.5)
+        speed, before = (read - before) / T, read
+        left = ((1 - a) * branch - b_c * v_e) / (1 + a)  # the branch b_c, m_c by the trapezoidal rule
+        v_e = (K * (place - x) - left) / (b_0 + b_c / (1 + a))
+        branch, u = left + b_c * v_e / (1 + a), K_v * (v_e - speed)
+        trace += [x] if k >= samples - 500 else []
+        for _ in range(100):
+            pushed = v + dt * (u - b * v + K * (place - x)) / m
+            v = np.sign(pushed) * np.maximum(np.abs(pushed) - dt * f / m, 0)
+            x = x + dt * v
+    t = np.linspace(-1, 1, 500)[:, None]
+    drift = (trace * t).sum(axis=0) / (t * t).sum()
+    ways = np.ptp(trace - drift * t, axis=0) / 2
+    moving = (ways > 1e-3 * q) & (np.abs(drift) <= ways)
+    return float(moving.mean()), ways[moving]
+
+
+@pytest.mark.parametrize(("f", "K", "buzzes"), [(0.0, 3000.0, True), (0.05, 3000.0, True), (0.05, 300.0, False)])
+def test_a_coupled_handle_buzzes_as_small_steps_have_it(f, K, buzzes):
+    """Nearly every kick, or none; the worst way is that of others' kicks."""
+    device = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3, "velocity": {"resolution": 1e-6, "from": "difference"}}
+    hand = {name: {"min": value, "max": value} for name, value in (("mass", 0.0), ("damping", 0.0), ("stiffness", K))}
+    problem = vctune.problem({
+        "device": device | ({"friction": f} if f else {}), "operator": hand, "stability": {"criterion": "hands"},
+        "environment": {"mass": {"max": 0.0}, "stiffness": {"max": 0.0}},
+        "gains": {"velocity": 280.62733, "position": 0.0},
+        "coupling": {"damping": 165.62434, "mass": 0.10202111, "drag": 0.94904712},
+    }).problem  # fmt: skip
+    found = buzz(problem.device, hands_at_rest(problem), *problem.fixed_design, (NOTHING,), 0.2)
+    share, ways = coupled_kicks(f, K, 60)
+    assert found is not None
+    assert (share > 0.9) == buzzes
+    assert (found.moving / found.kicks > 0.9) == buzzes
+    assert (found.moving == 0) == (share == 0)
+    if buzzes:
+        assert np.median(ways) < found.amplitude < 1.1 * ways.max()
 
 
 BUZZING = """

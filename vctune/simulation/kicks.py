@@ -19,7 +19,7 @@ from vctune.model.numbers.arithmetic import Floats
 from vctune.model.rest import damping_acting, read_in_steps, stiffness_read
 from vctune.model.worlds import World
 from vctune.running import check_time
-from vctune.simulation.oscillation import LASTS, SHAKES, strongest_hz
+from vctune.simulation.oscillation import SHAKES, strongest_hz
 from vctune.simulation.sample import Parts
 from vctune.simulation.scene import Scene
 from vctune.simulation.together import Together, held_by, together
@@ -33,7 +33,8 @@ AWAY = 30.0  # Greatest distance of the hand's place from the handle, in steps
 PUSHES = 1.25  # Greatest constant force of the hand, as a share of the friction
 # Time for which a device is watched at once, s and in time constants, so that what fades differs from what lasts, and
 # least number of samples
-WATCHED, FADES, LEAST_SAMPLES = 0.25, 0.25, 128
+WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
+LASTS = 0.7  # Share of its size that a buzz keeps from one of these times to the next; what fades keeps 0.6
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
 GRAIN = 1e-4  # Of an ideal encoder: share of a kick's motion that counts as a step
@@ -109,23 +110,24 @@ def _struck(
         if name in names and not (device.servo is not None and name != "position"):
             now["body"][names.index(name)] = value.copy()
     block = max(ceil(max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3)) / device.sample_time), LEAST_SAMPLES)
-    total = min(max(ceil(seconds / device.sample_time), 3 * block), max(MOST_SAMPLES, 3 * block))
+    most = max(min(ceil(LONGEST / device.sample_time), MOST_SAMPLES), 3 * block)
+    total = min(max(ceil(seconds / device.sample_time), 3 * block), most)
     lanes, last = np.arange(count), np.full(count, np.inf)
     travel, greatest = np.zeros(count), np.zeros(count)
     lasting: tuple[NDArray[np.intp], Floats, Floats] = (lanes[:0], np.zeros((0, 0)), np.zeros((0, 0)))
-    for _ in range(ceil(total / block)):
+    for done in range(block, most + block, block):
         now, places, forces = _watched(one, now, pushed, block)
         (ripple, drift), moved = _ripple(places), np.ptp(forces, axis=0)
         travel = np.maximum(travel, ripple)
         greatest = np.maximum(greatest, np.abs(forces).max(axis=0))
         rests = (ripple <= SHAKES * q if q > 0 else ripple <= GRAIN * travel) & (moved <= SHAKES * greatest)
         goes_on = ~rests
-        lasts = (
-            goes_on & (ripple >= LASTS * last[lanes]) & (drift <= ripple)
-        )  # what drifts on shows the steps it passes
+        # what drifts on shows the steps that it passes
+        lasts = goes_on & (ripple >= LASTS * last[lanes]) & (drift <= ripple)
         lasting = lanes[lasts], places[:, lasts], forces[:, lasts]
+        fades = goes_on & (ripple < LASTS * last[lanes]) & (drift <= ripple)
         last[lanes] = ripple
-        if not goes_on.any():
+        if not goes_on.any() or (done >= total and not fades.any()):
             break
         one, lanes, pushed = one.of(np.flatnonzero(goes_on)), lanes[goes_on], pushed[goes_on]
         now = {name: [np.broadcast_to(n, goes_on.shape)[goes_on] for n in numbers] for name, numbers in now.items()}

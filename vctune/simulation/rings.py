@@ -20,7 +20,7 @@ from vctune.model.worlds import World
 from vctune.running import check_time
 from vctune.simulation.controller import Law
 from vctune.simulation.scene import Scene
-from vctune.simulation.together import held_by, together
+from vctune.simulation.together import held_by, matrices_of
 from vctune.simulation.worlds import laws
 
 # Numbers of a hand on the grid, decades below its end of one whose range begins at 0, local minima that are refined,
@@ -140,21 +140,9 @@ def least_damped(matrices: Floats, sample_time: float) -> tuple[Floats, Floats]:
 
 
 def loop_matrices(device: Device, law: Law, hands: Sequence[Hand]) -> Floats:
-    """Return the matrices of a sample's step from state to state, shape (hands, n, n), without the states that do not
-    reach the handle."""
-    scene = Scene(device, held_by(hands[0]), None, law, 0.0, 0)
-    one = together(scene, hands)
-    start = one.start
-    size, count = sum(map(len, start.values())), len(hands)
-    all_units = one.of(np.repeat(np.arange(count), size))
-    units = np.tile(np.eye(size), (1, count))  # (size, hands * size)
-    now, k = dict[str, list[Floats]](), 0
-    for name, numbers in start.items():
-        now[name], k = list(units[k : k + len(numbers)]), k + len(numbers)
-    after, _ = all_units.advance(now, 0.0)
-    rows = [np.broadcast_to(number, (count * size,)) for numbers in after.values() for number in numbers]
-    matrices = np.moveaxis(np.array(rows, float).reshape(size, count, size), 1, 0)
-    kept = _reaching((matrices != 0).any(axis=0), [k for k, _ in enumerate(one.moving.states)][:2])
+    """Return the matrices of a sample's step, shape (hands, n, n), without the states that do not reach the handle."""
+    matrices = matrices_of(Scene(device, held_by(hands[0]), None, law, 0.0, 0), hands)
+    kept = _reaching((matrices != 0).any(axis=0), [0, 1])  # the motor's position and velocity come first
     return np.asarray(matrices[:, kept][:, :, kept])
 
 

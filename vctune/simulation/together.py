@@ -110,3 +110,18 @@ def together(scene: Scene, hands: Sequence[Hand]) -> Together:
         changes.append(np.moveaxis(change, 0, -1))
     moving = _with_rows(plants[0], lambda name: np.stack([getattr(p, name) for p in plants], axis=-1))
     return Together(scene, moving, (c, at_rest(c, 0.0, 0.0)), tuple(changes))
+
+
+def matrices_of(scene: Scene, hands: Sequence[Hand]) -> Floats:
+    """Return the matrices of the step of a linear scene from state to state, shape (hands, n, n), from unit states."""
+    one, count = together(scene, hands), len(hands)
+    size = sum(map(len, one.start.values()))
+    lanes, now, k = one.of(np.repeat(np.arange(count), size + 1)), dict[str, list[Number]](), 0
+    units = np.hstack([np.zeros((size, 1)), np.eye(size)])  # at rest first: an environment may have its zero elsewhere
+    for name, numbers in one.start.items():
+        now[name] = list(np.tile(units, (1, count))[k : k + len(numbers)])
+        k += len(numbers)
+    after, _ = lanes.advance(now, 0.0)
+    rows = [np.broadcast_to(number, units.shape[1] * count) for numbers in after.values() for number in numbers]
+    ends = np.moveaxis(np.array(rows, float).reshape(size, count, size + 1), 1, 0)
+    return ends[..., 1:] - ends[..., :1]

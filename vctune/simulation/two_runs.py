@@ -8,16 +8,15 @@ from math import pi
 
 import numpy as np
 
-from vctune.interrupt import interrupt_deferred
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.arithmetic import Floats
+from vctune.model.hands import Hand
 from vctune.model.problem import Problem
-from vctune.simulation.compiled import INPUT_NAMES, build
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.oscillation import Motion, at_rest, motion_of
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene, evaluated_from, stroke_time
+from vctune.simulation.together import matrices_of
 
 # Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation
 STANDING = 1e-6
@@ -31,15 +30,6 @@ class Mode:
     hz: float
 
 
-def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
-    with interrupt_deferred():  # an interrupt must not end the compilation of the step
-        step = build(scene)
-        size, no_input = len(step.start), np.zeros(len(INPUT_NAMES))
-        answers = [np.asarray(step.advance(state, no_input)[0]).ravel() for state in (np.zeros(size), *np.eye(size))]
-    return np.array([answer - answers[0] for answer in answers[1:]]).T
-
-
 def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
@@ -48,11 +38,11 @@ def fastest_mode(scene: Scene) -> Mode:
     environments = [replace(rendered, wall=False)]
     if rendered.wall:
         environments.append(replace(rendered, damping=0.0, stiffness=0.0, zero=0.0, wall=False))
-    modes = []
+    modes, hand = [], Hand(scene.operator.mass, scene.operator.damping, scene.operator.stiffness)
     for environment in environments:
         law = replace(scene.law, position_resolution=0.0, limit=None, environment=environment)
         linear = replace(scene, friction=None, force_noise=0.0, force_resolution=0.0, law=law)
-        values = np.linalg.eigvals(loop_matrix(linear))
+        values = np.linalg.eigvals(matrices_of(linear, [hand])[0])
         counted = values[np.abs(values - 1) > STANDING]
         dominant = counted[np.argmax(np.abs(counted))]
         modes.append(Mode(float(abs(dominant)), float(abs(np.angle(dominant)) / (2 * pi * scene.device.sample_time))))

@@ -19,16 +19,16 @@ IMMOVABLE = 1e30  # Damping of an environment that does not move, N s/m
 
 
 def worlds_of(worlds: Worlds | None, *, rigid: bool) -> list[World]:
-    """Return the environments of a problem: its rigid world, the least and the greatest of its box, or nothing and a
-    rigid world if it states none."""
+    """Return the environments of a problem: its rigid world, the corners of its box, or nothing and a rigid world if it
+    states none."""
     if rigid:
         return [RIGID]
     if worlds is None:
         return [NOTHING, RIGID]
     low, high = worlds.low, worlds.high
-    ends = product(dict.fromkeys((low.mass, high.mass)), dict.fromkeys((low.stiffness, high.stiffness)))
-    each = (RIGID if inf in end else World(end[0], low.damping, end[1]) for end in ends)
-    return list(dict.fromkeys(each))
+    names = ("mass", "damping", "stiffness")
+    ends = product(*(dict.fromkeys((getattr(low, name), getattr(high, name))) for name in names))
+    return list(dict.fromkeys(RIGID if inf in end else World(*end) for end in ends))
 
 
 def laws(device: Device, gains: Gains, coupling: AnyCoupling, worlds: Sequence[World]) -> Iterator[tuple[World, Law]]:
