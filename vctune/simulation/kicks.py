@@ -37,6 +37,7 @@ WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
 LASTS = 0.7  # Share of its size that a buzz keeps from one of these times to the next; what fades keeps 0.6
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
+ROUNDING = 1e-9  # Share of its place within which a handle is at rest
 GRAIN = 1e-4  # Of an ideal encoder: share of a kick's motion that counts as a step
 
 
@@ -120,7 +121,8 @@ def _struck(
         (ripple, drift), moved = _ripple(places), np.ptp(forces, axis=0)
         travel = np.maximum(travel, ripple)
         greatest = np.maximum(greatest, np.abs(forces).max(axis=0))
-        rests = (ripple <= SHAKES * q if q > 0 else ripple <= GRAIN * travel) & (moved <= SHAKES * greatest)
+        still = np.maximum(SHAKES * q if q > 0 else GRAIN * travel, ROUNDING * np.abs(places).max(axis=0))
+        rests = (ripple <= still) & (moved <= SHAKES * greatest)
         goes_on = ~rests
         # what drifts on shows the steps that it passes
         lasts = goes_on & (ripple >= LASTS * last[lanes]) & (drift <= ripple)
