@@ -23,9 +23,9 @@ from vctune.simulation.scene import Scene
 from vctune.simulation.together import held_by, matrices_of
 from vctune.simulation.worlds import laws
 
-# Numbers of a hand on the grid, decades below its end of one whose range begins at 0, local minima that are refined,
-# and halvings of the distance from them
-ON_GRID, DECADES, STARTS, NARROWINGS = 7, 4.0, 6, 8
+# Masses, dampings and stiffnesses of hands on the grid (a soft spring alone is slow: they lie close), decades below the
+# end of a range that begins at 0, local minima that are refined, and halvings of the distance from them
+ON_GRID, DECADES, STARTS, NARROWINGS = (7, 4, 14), 4.0, 6, 8
 STANDING = 1e-5  # Distance from 1 within which an eigenvalue belongs to a place without a restoring force
 SLOWEST = 2 * pi * 0.1  # Least angular frequency of what shakes a hand, rad/s: what is slower drifts
 
@@ -67,7 +67,7 @@ def _in_hands(device: Device, law: Law, world: World, hands: Hands) -> list[Ring
     """Return the least damped oscillation before one environment: on a grid, which narrows around its local minima."""
     check_time()
     low, high = (np.array([float(getattr(end, name)) for name in NAMES]) for end in (hands.low, hands.high))
-    axes = [_spread(*ends) for ends in zip(low, high, strict=True)]
+    axes = [_spread(*ends) for ends in zip(low, high, ON_GRID, strict=True)]
     places = np.array(list(product(*axes)))
 
     def ratios(places: Floats) -> tuple[Floats, Floats]:
@@ -100,12 +100,12 @@ def _in_hands(device: Device, law: Law, world: World, hands: Hands) -> list[Ring
     return [Ringing(float(best_ratio[k]), abs(rate.imag), time, device, Hand(*map(float, best[k])), world)]
 
 
-def _spread(low: float, high: float) -> list[float]:
-    """Return values from one end to the other, spaced by logarithm."""
+def _spread(low: float, high: float, count: int) -> list[float]:
+    """Return so many values from one end to the other, spaced by logarithm."""
     if low == high:
         return [low]
     first = low if low > 0 else high * 10**-DECADES
-    return [*([] if low > 0 else [low]), *map(float, np.geomspace(first, high, ON_GRID - (low == 0)))]
+    return [*([] if low > 0 else [low]), *map(float, np.geomspace(first, high, count - (low == 0)))]
 
 
 def _local_minima(values: Floats) -> NDArray[np.intp]:
