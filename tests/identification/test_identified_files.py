@@ -58,6 +58,20 @@ def identified(columns, folder, text="", name="log"):
     return identify(*Log(columns, text).write(folder, name))
 
 
+@pytest.mark.parametrize("noise", [1e-6, 5e-6])
+def test_what_is_left_of_a_log_is_its_noise(noise, tmp_path):
+    """Its chi2 is 1, and its share of the motion that of the noise, without the drift that segments take away."""
+    wave = 3.0 * multisine(np.random.default_rng(4), LINES, 512, 8, T)
+    moved, time = driven(DEVICE, None, wave), np.arange(wave.size) * T
+    read = moved["position"] + noise * np.random.default_rng(1).normal(size=time.size)
+    columns = {"time_s": time, "position_m": read, "command_N": moved["motor"]}
+    (recording,) = identified(columns, tmp_path).record.recordings
+    assert recording.chi2 == pytest.approx(1.0, abs=0.2)
+    assert 1 < recording.residual_share * moved["position"].std() / noise < 3
+    assert recording.samples == wave.size >= recording.used > 0.9 * wave.size
+    assert recording.sample_time == pytest.approx(T)
+
+
 def coded(said, code):
     return [line for line in said if line.endswith(f"[{code}]")]
 

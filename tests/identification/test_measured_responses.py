@@ -93,3 +93,13 @@ def test_a_response_states_no_sample_time(tmp_path):
     path.write_text(path.read_text().replace("imag", "im"))
     with pytest.raises(InputError, match="a response has real and imag, or gain_dB and phase_deg"):
         identify(path, servo=True)
+
+
+def test_what_is_left_of_a_response_is_its_noise_but_for_another_structure(tmp_path):
+    (recording,) = identify(*written(tmp_path, noisy(servo(1))), servo=True).record.recordings
+    right, other = recording.candidates
+    assert (right.structure, right.chosen, right.chi2) == ("order 1", True, 1.0) and not other.chosen
+    assert recording.residual_share == pytest.approx(0.01 * np.sqrt(2), rel=0.1)
+    assert right.model_error == pytest.approx([recording.residual_share])
+    # what is best of order 2 differs by a lag of order 1 from one of order 2 of the same corner, give or take
+    assert other.chi2 > 50 and 0.1 < other.model_error[0] < 0.5

@@ -188,13 +188,16 @@ class Memory:
             self.size += size
 
 
-def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> tuple[np.ndarray, Any]:  # noqa: PLR0912, PLR0915
+def step(  # noqa: PLR0912, PLR0915
+    loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0, misread: Any = 0, misheard: Any = 0
+) -> tuple[np.ndarray, Any]:
     """Return the memory one sample later, and what leaves the port; a memory's columns are as many loops at once.
 
     Parameters
     ----------
     given : what enters the port in place of coupling and environment: v_e, or on an impedance display f_c
     extra : a force on the environment's velocity beside those of its table
+    misread, misheard : errors of this sample's position and of its force
 
     Returns
     -------
@@ -205,7 +208,7 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
     new = {name: 0 * value for name, value in get.items()}
     K_v, K_p = (num.number(x) for x in loop.gains)
     m, d, k = (num.number(x) for x in loop.world)
-    body, x = get["body"], get["body"][0]
+    body, x = get["body"], get["body"][0] + misread
     velocity = loop.device.get("velocity", {})
     y = (x - get["before"][0]) / T
     source = velocity.get("from", "difference" if loop.kind == "impedance" else "measured")
@@ -230,7 +233,7 @@ def step(loop: Loop, memory: np.ndarray, given: Any = None, extra: Any = 0) -> t
             new["spring"] = get["spring"] + k_c * T * (y - v_e)
         command = -(f_c + K_v * smoothed)
     else:
-        force, new["firmware"] = _smoothed(loop, get["firmware"], get["readings"][0], "force_sensor")
+        force, new["firmware"] = _smoothed(loop, get["firmware"], get["readings"][0] + misheard, "force_sensor")
         if "servo" in loop.device:
             force = force - loop.number("servo", "stiffness") * x
         if given is not None:

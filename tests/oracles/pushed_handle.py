@@ -15,6 +15,15 @@ from scipy.linalg import expm
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
+def _low_pass(table: dict[str, Any], A: np.ndarray, source: np.ndarray, at: int, rate: int) -> None:
+    """Write y' = w (x - y), or y'' = w^2 (x - y) - sqrt(2) w y', into the rows of y and of y'/w."""
+    w = 2 * pi * table["bandwidth_hz"]
+    if table.get("order", 1) == 1:
+        A[at, at], source[at] = -w, w
+        return
+    A[at, rate], A[rate, at], A[rate, rate], source[rate] = w, -w, -np.sqrt(2) * w, w
+
+
 @dataclass
 class Stepped:
     """A device whose hand pushes with e^(j omega t), in its steady state."""
@@ -26,19 +35,22 @@ class Stepped:
     omega: float
 
     def mechanism(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A, and what command and force of the hand push, of x_m, v_m, bend, v_h, actuator, sensor."""
-        A, u, f = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
-        wide = 2 * pi * self.device.get("actuator", {}).get("bandwidth_hz", 0.0)
-        slow = 2 * pi * self.device.get("force_sensor", {}).get("bandwidth_hz", 0.0)
+        """Return A, and what command and force of the hand push.
+
+        The states are x_m, v_m, bend, v_h, actuator, sensor, and the rates of the last two or of a servo's velocity.
+        """
+        A, u, f = np.zeros((9, 9)), np.zeros(9), np.zeros(9)
+        wide = "actuator" in self.device
         A[0, 1] = 1.0
-        pushing = np.zeros(6)
+        pushing = np.zeros(9)
         if wide:
-            A[4, 4], u[4], pushing[4] = -wide, wide, 1.0
-        if slow:
-            A[5, 5], f[5] = -slow, slow
+            _low_pass(self.device["actuator"], A, u, 4, 6)
+            pushing[4] = 1.0
+        if "bandwidth_hz" in self.device.get("force_sensor", {}):
+            _low_pass(self.device["force_sensor"], A, f, 5, 7)
         if "servo" in self.device:
-            rate = 2 * pi * self.device["servo"]["bandwidth_hz"]
-            A[0, 1], A[1, 1], u[1], self.handle = 1.0, -rate, rate, 1
+            _low_pass(self.device["servo"], A, u, 1, 8)
+            self.handle = 1
             return A, u, f
         m, b = self.device["mass"], self.device["damping"]
         if "structure" not in self.device:
@@ -51,7 +63,7 @@ class Stepped:
         m_1, w = m - m_2, 2 * pi * table["frequency_hz"]
         mu = m_1 * m_2 / m
         k, c = mu * w**2, 2 * table["damping_ratio"] * mu * w
-        spring = np.array([0, c, k, -c, 0, 0.0])  # pulls the motor back while the motor is ahead by the bend
+        spring = np.array([0, c, k, -c, 0, 0, 0, 0, 0])  # pulls the motor back while the motor is ahead by the bend
         A[2, 1], A[2, 3] = 1.0, -1.0
         A[1] += (pushing - spring) / m_1
         A[1, 1] -= b / m_1

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.responses import Loop
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand, stacked
@@ -153,7 +154,7 @@ class _Answers(NamedTuple):
         return -self._read * position / closed, -self._read * opened / closed
 
     def of_force(self) -> tuple[Any, Any]:
-        """Return velocity and motor force per error of the sensed force; of a servo the commanded velocity, and 0."""
+        """Return velocity and motor force per error of the sensed force, 0 of a servo."""
         T, sin, heard = self.device.sample_time, np.sin(self.theta / 2), 1.0 + 0j
         for section in force_sections(self.device):
             even, odd = quotient(section, np.cos(self.theta / 2), sin * sin)
@@ -161,7 +162,8 @@ class _Answers(NamedTuple):
         commanded = self._admittance() * heard
         if isinstance(self.loop, CommandInHand):
             seen = self._complex(self.loop.seen) / (2j * np.sin(self.theta / 2))
-            return commanded / (1 + self._admittance() * seen), 0.0 * self.theta
+            motion = Loop(self.device, self.gains).motion.at(self.theta / T).values
+            return motion * commanded / (1 + self._admittance() * seen), 0.0 * self.theta
         closed, opened, position = self._closed()
         ahead = T / self._back if self.device.summed else T / (2j * np.tan(self.theta / 2))
         driven = commanded * (self.gains.velocity + self.gains.position * ahead) / closed

@@ -33,6 +33,7 @@ SHARP = 0.03
 # Least multiple of a wall in any passive hand: angles per decade, rounds of narrowing, angles that are narrowed, and
 # number of angles of each; the multiples between which it is sought, and halvings of their logarithm
 DENSE, ZOOMS, NARROWED, WITHIN = 480, 3, 24, 9
+VERTICES = (0.0, 1.0)  # Shares of the ranges of hands on a servo, which requires the most in a vertex
 LEAST_MULTIPLE, MOST_MULTIPLE, MULTIPLE_HALVINGS = 1e-6, 1e6, 50
 DEVICES_AT_ONCE = 32  # Number of devices that the code evaluates together
 
@@ -115,7 +116,8 @@ def _steepest(
 ) -> PlacesInHands:
     """Return the places to refine: the local minima in some hands, and places that a grid would miss."""
     check_time()
-    where = loops_in_hands(device, hands)
+    vertices = device.servo is not None and met is None  # each peak stays at the vertex that is the worst at its angle
+    where = loops_in_hands(device, hands, VERTICES, DENSE) if vertices else loops_in_hands(device, hands)
     need = needs_in_hands(where.loop, device, gains, coupling, where.theta, met)
     hand = np.argmax(need, axis=0)
     worst = need[hand, np.arange(where.theta.size)]

@@ -17,7 +17,6 @@ import numpy as np
 from vctune.analysis.extrema import Floats, last_to_hold, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
-from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, suspects_of_nominal, zoomed
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -35,8 +34,8 @@ from vctune.running import check_time
 ENDLESS = 1e100  # in place of an infinite multiple
 TURNS, PER_TURN = 6, 16  # of the angles beside the turns of a delay, and number of angles in each
 ROUNDING = 1e-9  # relative, where lines cross
-# Shares of the coupling, each about the next, that are tried for the condition of walls, and halvings between two
-WALL_STEP, WALL_STEPS, HALVINGS = 1.05, 140, 12
+# Step between shares of the coupling that are tried for the condition of walls, the least of them, and halvings
+WALL_STEP, LEAST_SHARE, HALVINGS = 1.05, 1e-3, 12
 
 
 class _Failing(NamedTuple):
@@ -225,21 +224,40 @@ def _limit(failing: _Failing, hands: Sequence[Hand], known: Place) -> Place:
 def least_ratio_with_walls(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet
 ) -> RatioInHand:
-    """Return `least_ratio_in_worlds` for the condition of walls, on a grid of hands and angles."""
-    where = loops_in_hands(device, hands)
-    at, seen = met_in_hand(where.loop, device, gains, coupling, where.theta, FLOATS)
+    """Return `least_ratio_in_worlds` for the condition of walls."""
 
-    def room(share: float) -> Floats:
-        rooms = rooms_at_walls({share: (at, seen, share)}, device.sample_time, where.theta, met)
-        return np.nan_to_num(np.minimum.reduce(list(rooms.values())), nan=inf)
+    def worst_of(near: list[Hand], angles: Floats, best: Place) -> Place:
+        check_time()
+        plant = plant_in_hand(device, stacked(near, (-1, 1)), delays_of(device), FLOATS)
+        at, seen = met_in_hand(loop_in_hand(plant, angles, FLOATS), device, gains, coupling, angles, FLOATS)
 
-    holds = bool(room(1.0).min() > 0)
-    step = 1 / WALL_STEP if holds else WALL_STEP
-    tried = [1.0]
-    while len(tried) < WALL_STEPS and bool(room(tried[-1] * step).min() > 0) == holds:
-        tried.append(tried[-1] * step)
-    good, bad = sorted((tried[-1], tried[-1] * step), reverse=True)
-    good = exp(last_to_hold(lambda x: bool(room(exp(x)).min() > 0), log(good), log(bad), HALVINGS))
-    hand, angle = np.unravel_index(int(np.argmin(room(bad))), room(bad).shape)
-    place = where.hands.mapped(lambda number: float(number[hand].item()))
-    return RatioInHand(1 / good, float(where.theta[angle]) / device.sample_time, place)
+        def room(share: float) -> Floats:
+            rooms = rooms_at_walls({share: (at, seen, share)}, device.sample_time, angles, met)
+            return np.broadcast_to(np.nan_to_num(np.minimum.reduce(list(rooms.values())), nan=inf), shape)
+
+        def holds(share: float) -> bool:
+            return bool(room(share).min() > 0)
+
+        shape = len(near), angles.size
+        good = bad = max(best.value, 1.0 if best is start else 0.0)
+        if best is start and holds(bad):
+            while holds(bad):
+                good, bad = bad, bad / WALL_STEP
+                if bad < LEAST_SHARE:
+                    return best
+        elif best is not start and holds(good):
+            return best
+        else:
+            while not holds(good):
+                good, bad = good * WALL_STEP, good
+                if good > 1 / LEAST_SHARE:
+                    return Place(inf, 0.0, near[0])
+        good = exp(last_to_hold(lambda x: holds(exp(x)), log(good), log(bad), HALVINGS))
+        hand, angle = np.unravel_index(int(np.argmin(room(bad))), shape)
+        return Place(good, float(angles[angle]), near[hand])
+
+    start = Place(0.0, 0.0, hands.low)
+    found, every = worst_of(first_hands(hands), angles_of(device), start), angles_of(device)
+    if found is not start and found.value < inf:
+        found = zoomed(worst_of, hands, found, every)
+    return RatioInHand(1 / found.value if found.value > 0 else inf, found.theta / device.sample_time, found.hand)

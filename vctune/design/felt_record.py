@@ -21,7 +21,7 @@ from vctune.model.loop.filters import force_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import finite_hertz
 from vctune.model.problem import Problem
-from vctune.model.servo import LATENCY_PARTS, latency
+from vctune.model.servo import latency, latency_parts
 from vctune.model.worlds import World
 from vctune.proof.outcome import Verdict
 from vctune.simulation.controller import coupling_coefficients
@@ -60,7 +60,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
             LatencyPartRecord(
                 part=part.label, key=part.key, latency_s=seconds, **({"drag": factor * K * seconds} if drags else {})
             )
-            for part, seconds in ((LATENCY_PARTS[name], seconds) for name, seconds in parts.items())
+            for part, seconds in ((latency_parts(slowest)[name], seconds) for name, seconds in parts.items())
         ],
         latency_s=_latency(slowest),
         stiffest_contact=stiffest,
@@ -149,4 +149,4 @@ def _stiffness_of_a_count(gains: Gains, coupling: AnyCoupling, sample_time: floa
     """Return the force on the motor that a step of the position causes in its sample, without filters, N/m."""
     if isinstance(coupling, SpringDamper):
         return (gains.velocity + coupling.damping) / sample_time + coupling.stiffness
-    return gains.velocity / sample_time
+    return gains.velocity / sample_time + gains.position

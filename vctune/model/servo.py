@@ -43,7 +43,13 @@ class LatencyPart:
         return cls(label, f"device.{key}", f"{change} device.{key}")
 
 
-# Descriptions of the parts of `Latency`, by their field names
+def latency_parts(device: Device) -> dict[str, LatencyPart]:
+    """Return descriptions of the parts of `Latency`, by their field names."""
+    sensor = device.sensing
+    filtered = sensor.sections is not None and sensor.filter_coefficient is None
+    return LATENCY_PARTS | {"filter": IN_SECTIONS} if filtered else LATENCY_PARTS
+
+
 LATENCY_PARTS = {
     "hold": LatencyPart.of("hold", "sample_time", "shorten"),
     "interpolation": LatencyPart.of("interpolation", "sample_time", "shorten"),
@@ -52,6 +58,7 @@ LATENCY_PARTS = {
     "sensor": LatencyPart.of("force sensor", "force_sensor", "state a quicker"),
     "filter": LatencyPart.of("filter", "force_sensor.filter_coefficient", "raise"),
 }
+IN_SECTIONS = LatencyPart.of("filter", "force_sensor.sections", "quicken")
 
 
 def latency(device: Device, ops: Arithmetic) -> Latency:

@@ -242,8 +242,9 @@ class Judgement:
 
     @property
     def idle(self) -> bool:
-        """Whether the design is certified but hardly uses its velocity loop."""
-        return self.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE_TRACKING
+        """Whether the design of an admittance display is certified but hardly uses its velocity loop."""
+        tracks = self.kind.own_loop and not self.kind.inverse
+        return tracks and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE_TRACKING
 
 
 def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:

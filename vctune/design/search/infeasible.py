@@ -16,7 +16,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import OF_KEYS, UNITS
 from vctune.model.problem import Problem
-from vctune.model.servo import LATENCY_PARTS, latency
+from vctune.model.servo import latency, latency_parts
 
 # Beginning of the reason
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -119,12 +119,13 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
     """Return the factor by which the drag of a servo is too small, and a possible repair, in words."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
-    longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
+    parts = latency_parts(problem.device)
+    longest = max(parts, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
     return (
         f"the drag is {ratio:.4g} of what contacts behind {1e3 * float(late.total):.4g} ms of latency ask for "
         f"{place}{missed}",
-        f"allow a greater coupling.drag, state softer contacts in [operator], or {LATENCY_PARTS[longest].quicker}",
+        f"allow a greater coupling.drag, state softer contacts in [operator], or {parts[longest].quicker}",
     )
 
 

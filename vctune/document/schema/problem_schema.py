@@ -274,7 +274,7 @@ class TransparencyTable(Table):
     reference_impedance: Positive | None = Field(
         None,
         description="Z_0, N s/m. Default 2 pi f mass, the impedance of the device's own mass at the middle f of the "
-        "band on a log scale. For a servo, the resistance of the greatest hand.",
+        "band on a log scale. For a servo, the greatest of stiffness tau, damping and mass/tau of the greatest hand.",
     )
     norm: Literal["rms", "peak"] = Field(
         "rms", description="Norm of the error: root mean square over log frequency, or the greatest value."
