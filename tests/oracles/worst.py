@@ -40,6 +40,8 @@ def worst(
             found.append((float(values[at]), float(theta[at]), place))
     found.sort(key=lambda each: -each[0])
     best = found[0]
+    if np.isinf(best[0]):
+        return best
     for value, angle, place in found[:closer]:
         best = max(
             best,
@@ -63,7 +65,7 @@ def _uphill(
 
     def less(x: Floats) -> float:
         at, moved = there(x)
-        return -float(need(np.array([at]), moved)[0])
+        return -min(float(need(np.array([at]), moved)[0]), 1e300)
 
     x = np.r_[0.0, np.cbrt(np.clip((place[wide] - low[wide]) / (high - low)[wide], 0, 1))] if len(wide) else np.zeros(1)
     for size in (0.03, 1e-3):
