@@ -507,7 +507,7 @@ def wall_ratio(case: Case, part: Part) -> Any:
         rest_of_wall(case, other, (limit or 1e3) * 0.995, device) > -1e-9 for other in case.some_hands(30)
         for device in some
     )  # fmt: skip
-    unstable = limit is None or any(rest_of_wall(case, hand, limit * (1 + 5e-3), device) < -1e-8 for device in some)
+    unstable = limit is None or any(rest_of_wall(case, hand, limit * (1 + 2.5e-2), device) < -1e-8 for device in some)
     return Holds(bool(stable and unstable))
 
 
