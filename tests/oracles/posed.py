@@ -66,7 +66,7 @@ def with_readings(rng: Rng, device: Tables) -> Tables:
     if found.get("display") != "impedance" and chance(rng, 0.3):
         found["force_sensor"] = found.get("force_sensor", {}) | {"resolution": decades(rng, -4, -2)}
     if chance(rng, 0.3):
-        found["friction"] = decades(rng, -3, 0)
+        found["friction"] = decades(rng, -4, -0.5)
     return found
 
 
@@ -136,11 +136,14 @@ def environment(rng: Rng, scale: float, T: float, which: str) -> Tables:
     return found
 
 
-def servo(rng: Rng, world: str = "", *, uncertain: bool = False, disc: bool = False, rule: str = "") -> Tables:
+def servo(
+    rng: Rng, world: str = "", *, uncertain: bool = False, disc: bool = False, rule: str = "", spring: bool = False
+) -> Tables:
     """A vendor's servo in its hands."""
     while True:
         some = ("position", "low-pass", "late sensor", "coefficient", "felt sections", "spring", "whole samples")
         parts = [part for part in some if chance(rng, 0.3) and not (rule and part == "spring")]
+        parts += ["spring"] if spring else []
         device = built_servo(rng, *parts, order=int(rng.integers(1, 3)), most=5)
         widths = widths_of(rng, device, UNCERTAIN, 2) if uncertain else {}
         if delays_are_clear(device, widths):
@@ -210,6 +213,7 @@ POSED: dict[str, Callable[[Rng], Tables]] = {
     "servo, walls": lambda rng: servo(rng, "walls"),
     "servo, uncertain": lambda rng: servo(rng, uncertain=True),
     "servo, disc": lambda rng: servo(rng, disc=True),
+    "servo, spring": lambda rng: servo(rng, spring=True),
     "display": lambda rng: display(rng, "hands"),
     "display, both": lambda rng: display(rng, "both"),
     "display, uncertain": lambda rng: display(rng, "hands", uncertain=True),

@@ -20,7 +20,7 @@ from vctune.document.records.gains_json import (
     ProblemRecord,
     TransparencyRecord,
 )
-from vctune.document.records.part import Number, Pair, Part, Row, how_shown, rows, text
+from vctune.document.records.part import Number, Pair, Part, Row, rows, text
 from vctune.document.records.shake_json import BuzzRecord, RingingRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import Mistake
@@ -156,8 +156,7 @@ class UncertaintyRecord(Part):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the box, the device on which Re Z_c / R is least, and the errors."""
         for name, ends in self.box.items():
-            shown = how_shown(DeviceRecord).get(name)
-            yield Row(name, text(ends), units.of(shown.of) if shown else "")
+            yield Row(name, text(ends), unit_of(("device", *name.split(".")), units))
         if self.unmodelled:
             radii = [radius for _, radius in self.unmodelled]
             yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
