@@ -63,9 +63,9 @@ def test_what_the_hand_feels_is_told(written):
     )
 
 
-def test_the_force_of_a_count_is_resolution_over_T_times_K_v(written):
+def test_the_force_of_a_count_is_resolution_times_K_v_over_T_and_K_p(written):
     folder, said = written
-    assert re.search(r"count of the encoder +0\.575 +N", said) and said.count("count of the encoder") == 1
+    assert re.search(r"count of the encoder +0\.59 +N", said) and said.count("count of the encoder") == 1
     assert "countoftheencoder" in page(folder, "firm") and "noquantisationoftheencoder" in page(folder, "free")
     digest = vctune.read_problem(folder / "limp.toml").sha256
     assert digest == "ee9d4aaecdd9d8cc6e45957e407dbcfdef6e7fee6c6ca6969b7166eb00ac5042"
