@@ -204,14 +204,18 @@ FORMS = {
     r"undecided with this coupling": lambda r: at(r, "contact.stiffest_contact_verdict") == "undecided",
     r"and the drag of the own spring": lambda r: bool(at(r, "contact.own_spring")),
     r"; nominal": lambda r: at(r, "uncertainty.box") not in (None, {}) or bool(at(r, "uncertainty.unmodelled")),
+    r"(limit|walls): no limit estimated$": lambda r: "worlds" in (at(r, "certificate.hands") or {})
+    and None in (at(r, "certificate.hands.min_ratio"), (at(r, "certificate.hands.walls") or {}).get("min_ratio", 0.0)),
+    r"none at 0 Hz": lambda r: False,
     r"^claim: refuted": lambda r: any(claim["verdict"] == "refuted" for claim in r["certificate"]["claims"]),
     r"^claim: undecided": lambda r: any(claim["verdict"] == "undecided" for claim in r["certificate"]["claims"]),
     r"not counted": lambda r: bool(at(r, "transparency.apart")),
 }  # fmt: skip
 """Forms of sentences, and when a record has them: then, and only then."""
 SELDOM = (
-    r"keeps moving:", r"comes to rest: yes", r"undecided with this coupling", r"binding world: none nothing",
-    r"of a spring and", r"no bound found", r"that drive at 1 Hz", r": rendered to",
+    r"keeps moving:", r"comes to rest: yes", r"(limit|walls): no limit estimated$", r"none at 0 Hz",
+    r"undecided with this coupling", r"binding world: none nothing", r"of a spring and", r"no bound found",
+    r"that drive at 1 Hz", r": rendered to",
 )  # fmt: skip
 """Forms that a few drawn problems need not have."""
 
@@ -226,6 +230,26 @@ def test_each_sentence_is_said_of_the_records_that_it_is_true_of(kind):
 
 READ = ("hands", "display", "wall", "wall in any hand", "display, both")
 """Kinds of problems with readings and friction."""
+
+
+STIFF = {
+    "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}, "gains": {"velocity": 60.0, "position": 500.0},
+    "coupling": {"damping": 40.0, "mass": 0.3, "drag": 3.0},
+    "environment": {
+        "mass": {"min": 0.05, "max": 1.0}, "damping": {"min": 500.0}, "stiffness": {"max": 500.0}, "walls": True,
+    },
+}  # fmt: skip
+"""Environments so damped that no share of the coupling fails."""
+
+
+def test_a_ratio_without_a_limit_has_no_place(tmp_path):
+    checked = vctune.check(STIFF)
+    record = checked.finding.record()
+    assert "Z_c over its limit no limit (estimated)" in checked.message
+    assert len(re.findall(r"(?:limit|walls): no limit estimated$", said(record), re.MULTILINE)) == 2
+    write_report(design_of(record, "x"), tmp_path)
+    page = re.sub(r"<[^>]*>|\s+", " ", (tmp_path / "report.html").read_text())
+    assert page.count("least ratio no limit") == 2 and "none at" not in page
 
 
 @pytest.mark.slow

@@ -221,3 +221,4 @@ POSED: dict[str, Callable[[Rng], Tables]] = {
     "wall in any hand": lambda rng: display(rng, "both", rigid=True),
     "wall, uncertain": lambda rng: display(rng, "hands", rigid=True, uncertain=True),
 }
+"""By name; the place of a kind seeds its draws, so that new ones come last."""

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from command import run as command
 from draws import admittance, coupling_for, gains_for, hands_for, impedance, servo, spring_for, stated, triple
-from loop import Loop, matrix
+from loop import Loop
+from meaning import slowest
 from rubbing import Rubbing, run
 
 import vctune
@@ -23,18 +24,6 @@ from vctune.simulation.worlds import NOTHING, RIGID, worlds_of
 
 DRAWS = int(os.environ.get("VCTUNE_DRAWS", "2"))
 IMMOVABLE = (0.0, 1e12, 0.0)
-
-
-def slowest(loop: Loop, *, at_rest: bool) -> tuple[float, float, float]:
-    """Return damping ratio, frequency and time constant of the least damped oscillation of one loop."""
-    z = np.linalg.eigvals(matrix(loop, at_rest=at_rest).astype(float)).astype(complex)
-    s = np.log(z[(np.abs(z) > 1e-12) & (np.abs(z - 1) > 1e-5)]) / loop.T
-    s = s[np.abs(s.imag) > 2 * pi * 0.1]
-    if not s.size:
-        return np.inf, 0.0, np.inf
-    ratio = -s.real / np.abs(s)
-    k = int(np.argmin(ratio))
-    return float(ratio[k]), abs(s[k].imag) / (2 * pi), float(-1 / s[k].real)
 
 
 def drawn(kind: str, seed: int):

@@ -33,6 +33,7 @@ SHARP = 0.03
 # Least multiple of a wall in any passive hand: angles per decade, rounds of narrowing, angles that are narrowed, and
 # number of angles of each; the multiples between which it is sought, and halvings of their logarithm
 DENSE, ZOOMS, NARROWED, WITHIN = 480, 3, 24, 9
+CLIMBS, SETTLED = 6, 1e-6  # Number of times that a climb is taken up again, and relative gain below which it has ended
 VERTICES = (0.0, 1.0)  # Shares of the ranges of hands on a servo, which requires the most in a vertex
 LEAST_MULTIPLE, MOST_MULTIPLE, MULTIPLE_HALVINGS = 1e-6, 1e6, 50
 DEVICES_AT_ONCE = 32  # Number of devices that the code evaluates together
@@ -108,7 +109,21 @@ def least_ratios_of_devices(
         closest = _closest(each, hands, gains, coupling, first.joined(*others), met)
         for place, ratio in zip(places, closest, strict=True):
             found[place].append(ratio)
-    return [sorted(ratios, key=lambda each: each.ratio) for ratios in found]
+    ranked = [sorted(ratios, key=lambda each: each.ratio) for ratios in found]
+    if met is None:
+        for device, ratios in zip(devices, ranked, strict=True):
+            ratios[0] = _followed(device, hands, gains, coupling, ratios[0])
+    return ranked
+
+
+def _followed(device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, best: RatioInHand) -> RatioInHand:
+    """Climb again from where a climb has ended, until it ends there: along a sharp resonance steps become too short."""
+    for _ in range(CLIMBS if best.ratio < inf and best.omega > 0 and device.servo is None else 0):
+        (further,) = least_ratios_near([device], hands, gains, coupling, best.omega, best.hand)
+        if not further.ratio < best.ratio * (1 - SETTLED):
+            break
+        best = further
+    return best
 
 
 def _steepest(

@@ -156,7 +156,9 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
             where += f", with {world.value} {world.unit}"
     if least is None:
         return "", ""
-    return f"least ratio {in_place(least.min_ratio, least.worst_hz)}{where}", f"≥ {stability.safety_factor:g}"
+    bounded = least.min_ratio is not None or (problem.worlds is None and not problem.rigid)
+    reached = f"{in_place(least.min_ratio, least.worst_hz)}{where}" if bounded else "no limit"
+    return f"least ratio {reached}", f"≥ {stability.safety_factor:g}"
 
 
 def peak_in_words(loop: InnerLoopRecord) -> str:

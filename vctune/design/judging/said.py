@@ -110,7 +110,7 @@ def _least(judgement: Judgement) -> str:
     """Return the least ratio in words, with a note if it is an estimate."""
     ratio, proved = judgement.min_ratio, judgement.certificate.proved_ratio
     note = "" if enclosed(ratio, proved) else " (estimated)"
-    return f"{judgement.ratio_name} {ratio:.6g}{note}"
+    return f"{judgement.ratio_name} {'no limit' if ratio == inf else f'{ratio:.6g}'}{note}"
 
 
 def _misses_only_the_factor(judgement: Judgement) -> bool:

@@ -246,6 +246,8 @@ class CertificateRecord(DisplayPart):
     def told(self, row: Row) -> Row:
         """Return the row of a least ratio with a note if it is an estimate alone."""
         labels = "unstable at", "least with walls", OVER_LIMIT, f"least {self.coupled} / R"
+        if row.label in labels[:3] and row.value == "none":  # no multiple fails, at no place
+            return Row(row.label, "no limit", "estimated")
         if row.label not in labels or enclosed(row.value, self.proved_ratio):
             return row
         return row._replace(unit=f"{row.unit}; estimated")
