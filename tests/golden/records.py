@@ -1,0 +1,176 @@
+"""Whole answers through public names, and how two of them differ."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import isclose, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from conftest import ROOT
+from identification_logs import Log, random_case
+from posed import POSED
+from servo_logs import servo_case
+
+import vctune
+from vctune.design.advice.prices import with_prices
+from vctune.design.design_record import design_record
+from vctune.document.reading import parse_problem
+from vctune.document.records.design_json import design_of
+from vctune.report.curves import requirements
+from vctune.report.design_figures import design_figures
+from vctune.report.experiments import simulation_figure
+from vctune.report.page import report_files
+from vctune.report.region_figure import region_figure
+
+PROBLEMS = ROOT / "problems"
+DIGITS = 7
+OF_WORDS = 3e-3
+"""Relative difference of numbers in words, which are rounded, that says nothing."""
+WORK = 0.2
+"""Relative difference of the boxes of a proof: more of them make it slower, fewer prove less than the whole."""
+ELSEWHERE = ("versions", "sha256", "problem", "schema", "solver", "curve")
+"""Parts of a record that are of the release or of the input, and traces, whose pictures are looked at."""
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def plain(part: Any) -> Any:
+    """Return a part of an answer as JSON without rounding errors of the last digits."""
+    if isinstance(part, dict):
+        return {str(key): plain(value) for key, value in part.items() if key not in ELSEWHERE}
+    if isinstance(part, list | tuple):
+        return [plain(value) for value in part]
+    if isinstance(part, float | np.floating):
+        return float(f"{part:.{DIGITS}g}") if isfinite(part) else str(part)
+    return part
+
+
+def drawn(figure: Any) -> Iterator[list[Any]]:
+    """Yield what each pair of axes shows: its texts, its range, and of each line its label, its ends and its range."""
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        texts = [axes.get_title("left"), axes.get_title(), axes.get_xlabel(), axes.get_ylabel()]
+        texts += [text.get_text() for text in (*axes.texts, *(legend.texts if legend else ()))]
+        yield [*texts, *axes.get_xlim(), *axes.get_ylim()]
+        for line in axes.lines:
+            curve = np.array(line.get_data(), float)
+            finite = curve[:, np.isfinite(curve).all(axis=0)]
+            sizes = [*finite[:, 0], *finite[:, -1], *finite.min(axis=1), *finite.max(axis=1)] if finite.size else []
+            yield [str(line.get_label()), *sizes, *np.abs(finite).mean(axis=1)] if sizes else [str(line.get_label())]
+
+
+def page(record: Any) -> list[str]:
+    """Return the sentences of a page, without its pictures."""
+    text = list(report_files(record, Path("x")).values())[-1]
+    text = re.sub(r"<(svg|style|script).*?</\1>|sha256[^<]*|\b[0-9a-f]{12,}\b", " ", text, flags=re.DOTALL)
+    found = (re.sub(r"\s+", " ", part).strip() for part in re.split(r"<[^>]*>", text))
+    return [part for part in found if part and "vctune" not in part]
+
+
+def told(found: Any) -> Any:
+    """Return the record of a design, its rows, its figures and its page."""
+    record = design_of(found, "x")
+    problem, shown = parse_problem(record.problem.text, "x", "x"), []
+    if record.design is not None:
+        shown = design_figures(problem, record, requirements(problem, *record.design), "")
+    return {
+        "record": found, "page": page(record),
+        "rows": [[title, *row] for title, rows in record.groups().items() for row in rows],
+        "figures": [[each.title, each.name, *drawn(each.figure)] for each in shown],
+    }  # fmt: skip
+
+
+def of_design(kind: str, seed: int) -> Any:
+    """Return what a check of a drawn design says."""
+    return told(vctune.check(POSED[kind](np.random.default_rng((931, list(POSED).index(kind), seed)))).finding.record())
+
+
+def of_problem(name: str) -> Any:
+    """Return what the design of a problem says."""
+    file = vctune.read_problem(PROBLEMS / f"{name}.toml")
+    return told(design_record(file, with_prices(vctune.solve(file.problem))))
+
+
+def of_region(name: str) -> Any:
+    """Return the cells of a region and its picture."""
+    found = vctune.region(PROBLEMS / f"{name}.toml", resolution=1 / 16)
+    figure = region_figure(found.file.problem, found.region, found.designs, None, contours=True)
+    return {"record": found.record(), "rows": list(found.rows()), "figure": list(drawn(figure))}
+
+
+def of_sweep(name: str, key: str, *values: float) -> Any:
+    """Return the rows of a sweep."""
+    return list(vctune.sweep(PROBLEMS / f"{name}.toml", {key: list(values)}).table.rows())
+
+
+def of_log(log: Log, *, servo: bool = False) -> Any:
+    """Return what is identified from a log."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = vctune.identify(*log.write(Path(folder)), servo=servo)
+    record, text = found.record.to_json(), found.text
+    return {"record": record, "rows": list(found.rows()), "file": text[text.index("[") :]}
+
+
+def of_simulation(name: str) -> Any:
+    """Return what a simulation measures, and its picture."""
+    found = vctune.simulate(PROBLEMS / f"{name}.toml", ROOT / f"tests/gains/{name}.toml")
+    return {
+        "record": found.record(),
+        "rows": list(found.rows()),
+        "figure": list(drawn(simulation_figure(found.measured()).figure)),
+    }
+
+
+QUICK = {
+    "both": (5, 1), "band": (3, 0), "band, disc": (4,), "band, uncertain": (4, 2), "hands": (1, 0, 5),
+    "hands, weak": (3, 5), "hands, uncertain": (20, 11), "hands, nothing behind": (4, 0),
+    "hands, environments": (1, 3), "hands, walls": (21, 15), "servo": (1, 3, 5), "servo, nothing behind": (5, 1),
+    "servo, environments": (21,), "servo, uncertain": (4,), "servo, disc": (5, 2), "servo, spring": (3, 2),
+    "display": (4, 5), "display, both": (0, 2), "display, uncertain": (6,), "wall": (0, 1),
+    "wall in any hand": (0, 3), "wall, uncertain": (0,),
+}  # fmt: skip
+"""Draws of each kind that are judged in few seconds, violated ones among them."""
+ANSWERS: dict[str, Callable[[], Any]] = {
+    **{f"design: {kind} {seed}": partial(of_design, kind, seed) for kind, seeds in QUICK.items() for seed in seeds},
+    **{f"problem: {name}": partial(of_problem, name) for name in (
+        "friction-wheel", "infeasible", "knob", "wall", "paddle", "arm-contact", "friction-wheel-hands",
+        "friction-wheel-uncertain", "keemink", "desktop-arm", "desktop",
+    )},
+    **{f"region: {name}": partial(of_region, name) for name in ("friction-wheel", "wall", "friction-wheel-hands")},
+    "sweep: damping": partial(of_sweep, "friction-wheel", "device.damping", 0.5, 2.0, 8.0),
+    "sweep: late": partial(of_sweep, "arm-contact", "device.servo.delay", 0.01),
+    **{f"log: {seed}": lambda seed=seed: of_log(random_case(seed).log) for seed in (2, 3)},
+    **{
+        f"servo log: {seed}": lambda seed=seed: of_log(Log(servo_case(seed).columns, ""), servo=True)
+        for seed in range(3)
+    },
+    "simulation: friction-wheel": partial(of_simulation, "friction-wheel"),
+}  # fmt: skip
+
+
+def differences(then: Any, now: Any, near: float, path: str = "") -> Iterator[str]:
+    """Yield each part of an answer that is not as it was, with its path."""
+    if isinstance(then, dict) and isinstance(now, dict):
+        for key in sorted(then.keys() | now.keys()):
+            yield from differences(then.get(key), now.get(key), WORK if key == "boxes" else near, f"{path}.{key}")
+    elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        for k, (one, other) in enumerate(zip(then, now, strict=True)):
+            yield from differences(one, other, near, f"{path}[{k}]")
+    elif not alike(then, now, near):
+        yield f"{path} was {then!r} and is {now!r}"
+
+
+def alike(then: Any, now: Any, near: float) -> bool:
+    """Return whether two values say the same: numbers up to rounding, also those in words."""
+    if isinstance(then, str) and isinstance(now, str):
+        numbers = zip(NUMBER.findall(then), NUMBER.findall(now), strict=False)
+        return NUMBER.sub("0", then) == NUMBER.sub("0", now) and all(
+            isclose(float(one), float(other), rel_tol=OF_WORDS) for one, other in numbers
+        )
+    if isinstance(then, bool) or isinstance(now, bool) or None in (then, now) or isinstance(then, str | list | dict):
+        return bool(then == now)
+    return isclose(then, now, rel_tol=near, abs_tol=1e-12)
