@@ -32,15 +32,15 @@ FAULTS = {
         "proof/certificate.py", "    for device in beside_whole_sample(design.device, hands):",
         "    for device in ():"),
     "the force sensor is ideal": (
-        "model/loop/device_response.py", "sensor = sensor_response(device.sensing, omega, ops)", "sensor = None"),
+        "model/loop/device_response.py", "sensor = sensor_response(device, omega, ops)", "sensor = None"),
     "a corner frequency is read in rad/s": (
         "model/loop/filters.py", "time = 1 / (2 * ops.pi * bandwidth_hz)", "time = 1 / (1 * bandwidth_hz)"),
     "a differenced velocity does not lag": (
         "model/loop/filters.py", "T / 2 * (half_sinc * half_sinc)", "0 * T * (half_sinc * half_sinc)"),
     "the firmware's low-pass is twice as fast": (
-        "model/loop/filters.py", "x = 2 * ops.pi * filter_hz", "x = 4 * ops.pi * filter_hz"),
+        "model/loop/filters.py", "x = 2 * ops.pi * known.filter_hz", "x = 4 * ops.pi * known.filter_hz"),
     "an interpolated command is a held one": (
-        "model/sampled/servo_plant.py", 'interpolated = servo.command == "position"', "interpolated = False"),
+        "model/sampled/servo_plant.py", "interpolated = device.interpolates", "interpolated = False"),
     "undecided is read as proved": (
         "proof/outcome.py", "(Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED)",
         "(Verdict.REFUTED, Verdict.PROVED, Verdict.UNDECIDED)"),
@@ -58,9 +58,9 @@ FAULTS = {
     "a servo's motion between samples is not seen": (
         "model/sampled/hand_loop.py", "Required(loop.blur - 0.5", "Required(0 * loop.blur - 0.5"),
     "a vertex of the box of hands is skipped": (
-        "proof/claims/every_hand.py", "low = high = list(corners)", "low = high = list(corners)[:-1]"),
+        "proof/claims/in_hands.py", "low = high = list(corners)", "low = high = list(corners)[:-1]"),
     "the box of devices is its middle": (
-        "proof/claims/every_hand.py", "box.low.number(key), box.high.number(key))",
+        "proof/claims/in_hands.py", "box.low.number(key), box.high.number(key))",
         "box.nominal.number(key), box.nominal.number(key))"),
     "the drag is counted twice": (
         "model/gains.py", "return Pair(coupling.drag + b_c", "return Pair(2 * coupling.drag + b_c"),
@@ -90,7 +90,7 @@ FAULTS = {
         "model/problem.py", "max_sensitivity=stability.max_sensitivity,",
         "max_sensitivity=2 * stability.max_sensitivity,"),
     "the disc of devices is half as wide": (
-        "proof/claims/margins_of_claims.py", "- radius * radius * loop.abs2()",
+        "proof/claims/sensitivity.py", "- radius * radius * loop.abs2()",
         "- 0.25 * radius * radius * loop.abs2()"),
     "a refuted check exits with 0": (
         "exit_codes.py", "FAILED = 1", "FAILED = 0"),
@@ -100,9 +100,6 @@ FAULTS = {
         "firmware/firmware.py", 'repr(number) if precision == "double"', '"%.6g" % number if precision == "double"'),
     "a repair that was not proved is listed": (
         "design/advice/repair.py", "solved.status is Status.CERTIFIED else None", "True else None"),
-    "the delay of a log is that of its force": (
-        "identification/search.py", 'pushed = has.get("command", has.get("force"))',
-        'pushed = has.get("force", has.get("command"))'),
     "a mistake is told a line late": (
         "document/text/toml.py", "        return without + 1\n", "        return without + 2\n"),
     "every problem without a design is proved infeasible": (
@@ -135,8 +132,7 @@ FAULTS = {
     "a function's value has no error": (
         "proof/enclosures/taylor.py", "radii[-1] += error + (HIGHER_ERROR", "radii[-1] += (HIGHER_ERROR"),
     "a product's terms of third order are lost": (
-        "proof/enclosures/taylor.py", "half_a, half_b = 0.5 * (A.linear + A.quadratic), 0.5 * B.quadratic",
-        "half_a, half_b = 0 * A.linear, 0 * B.quadratic"),
+        "proof/enclosures/taylor.py", "times(A.linear_by_row, B.half_quadratic) + ", ""),
     "a bound is that at the middle of a slope": (
         "proof/enclosures/taylor.py", "lower = -np.abs(slopes + 2 * moved).sum(axis=0)", "lower = 0"),
     "a bound forgets the remainders": (
@@ -149,14 +145,14 @@ FAULTS = {
     "a turn is counted twice": (
         "proof/claims/poles.py", "(goal - found.total) / turn", "2 * (goal - found.total) / turn"),
     "the last whole sample of an uncertain delay is skipped": (
-        "proof/claims/loop_claims.py", "floor(self.high[row, 0] / T) + 1)", "floor(self.high[row, 0] / T))"),
+        "proof/claims/covered.py", "floor(self.high[row, 0] / T) + 1)", "floor(self.high[row, 0] / T))"),
     "the band ends an interval early": (
         "proof/boxes.py", "return edges[:-1], edges[1:]", "return edges[:-2], edges[1:-1]"),
     "a half of a halved box is lost": (
         "proof/boxes.py", "return joined(replace(self, high=left), replace(self, low=right))",
         "return joined(replace(self, high=left))"),
     "the hands next to the softest are not looked at": (
-        "proof/claims/every_hand.py", "low = high = list(corners)", "low = high = list(corners)[1:]"),
+        "proof/claims/in_hands.py", "low = high = list(corners)", "low = high = list(corners)[1:]"),
 }  # fmt: skip
 
 

@@ -36,7 +36,7 @@ from vctune.model.sampled.loop_in_worlds import disjuncts, limp_disjuncts, offer
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand, plants_in_spring
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.cases import case_at
-from vctune.proof.claims.margins_of_claims import hand_margin, margin_in_spring
+from vctune.proof.claims.hands import hand_margin, margin_in_spring
 from vctune.proof.enclosures.intervals import ENCLOSURES, between, decimal
 
 WHEEL = device_of({"mass": 0.4, "damping": 2.0, "sample_time": 1e-3})

@@ -33,14 +33,10 @@ from vctune.model.sampled.velocity_loop import (
     return_difference,
     sensitivity_abs2,
 )
+from vctune.proof.claims.band import conditions_margin, low_margin
 from vctune.proof.claims.cases import Case as ClaimCase
-from vctune.proof.claims.margins_of_claims import (
-    across_position,
-    along_drive,
-    conditions_margin,
-    low_margin,
-    model_curve,
-)
+from vctune.proof.claims.poles import along_drive, model_curve
+from vctune.proof.claims.sensitivity import across_position
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR

@@ -15,7 +15,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
-from vctune.proof.claims.loop_claims import of_design
+from vctune.proof.claims.covered import of_design
 from vctune.proof.claims.poles import model_turns, stable_loop
 
 

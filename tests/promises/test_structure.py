@@ -27,7 +27,9 @@ ROOMS = {
         "variables prepared | judging | nlp | search | bound | result | solve | advice felt_record rest_record"
         " shake_record | design_record | check | ros"
     ),
-    "proof": floors("enclosures outcome | boxes device_box | halving | prover | box_tests | claims | certificate"),
+    "proof": floors(
+        "enclosures outcome | boxes device_box | halving | prover | box_tests | claims | certificate cells"
+    ),
 }
 PACKAGE = ROOT / "vctune"
 

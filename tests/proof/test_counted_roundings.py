@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 
 from vctune.design.bound import quadratics
 from vctune.design.bound.quadratics import K_P, K_V, less, quadratic
-from vctune.proof.claims import cells as damping
+from vctune.proof import cells as damping
 from vctune.proof.enclosures.intervals import Enclosure
 from vctune.proof.enclosures.taylor import HIGHER_ERROR, Taylor
 from vctune.proof.enclosures.taylor_functions import TAYLOR

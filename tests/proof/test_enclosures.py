@@ -23,8 +23,8 @@ from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import Cells, band_of, over_cells
+from vctune.proof.cells import proved_cells as prove
 from vctune.proof.certificate import certify
-from vctune.proof.claims.cells import proved_cells as prove
 from vctune.proof.enclosures import elementary
 from vctune.proof.enclosures.elementary import EXP_ERROR, GREATEST, LOG_ERROR, PHI_BELOW, PHI_ERROR, SINE_ERROR
 from vctune.proof.enclosures.intervals import (

@@ -18,7 +18,7 @@ from vctune import InputError
 from vctune.design.prepared import pose
 from vctune.model.design import Design
 from vctune.model.gains import Gains, SpringDamper
-from vctune.proof.claims.loop_claims import of_design
+from vctune.proof.claims.covered import of_design
 from vctune.proof.claims.poles import coupling_turns
 
 DUAL = {"display": "impedance", "mass": 0.05, "damping": 0.3, "sample_time": 1e-3, "delay": 5e-4}

@@ -20,7 +20,9 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.loop_claims import Covered, of_design, prove_conditions
+from vctune.proof.claims.band import PASSIVE
+from vctune.proof.claims.claim import Question
+from vctune.proof.claims.covered import Covered, of_design
 from vctune.proof.claims.poles import turns
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.outcome import Verdict
@@ -43,7 +45,7 @@ def ratio(design, omega):
 
 
 def conditions(design, low, high, factor=1.0):
-    return prove_conditions(design, Demands(design.device, (low, high), factor, inf), None)
+    return PASSIVE.prove(Question(design, Demands(design.device, (low, high), factor, inf)), {})
 
 
 @pytest.mark.parametrize(

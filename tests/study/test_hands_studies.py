@@ -32,8 +32,8 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.boxes import Cells
+from vctune.proof.cells import admissible_damping
 from vctune.proof.certificate import certify
-from vctune.proof.claims.cells import admissible_damping
 from vctune.proof.outcome import Verdict
 from vctune.study.plane import plane
 from vctune.study.region import Kind, easiest, free_damping, region

@@ -28,7 +28,7 @@ from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_ha
 from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import Worlds, WorldsMet
-from vctune.proof.claims.crossing import Suspect
+from vctune.proof.claims.claim import Suspect
 from vctune.running import check_time
 
 ENDLESS = 1e100  # in place of an infinite multiple

@@ -19,7 +19,7 @@ from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
-from vctune.proof.claims.registry import ClaimId
+from vctune.proof.claims.claim import ClaimId
 
 Indices = NDArray[np.intp]
 # Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache

@@ -25,8 +25,8 @@ from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.cases import case_at
-from vctune.proof.claims.crossing import Suspect, sums
-from vctune.proof.claims.margins_of_claims import margins_in_worlds
+from vctune.proof.claims.claim import Suspect
+from vctune.proof.claims.worlds import margins_in_worlds, sums
 from vctune.running import check_time
 
 Complex = NDArray[np.complex128]

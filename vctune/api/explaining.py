@@ -164,7 +164,8 @@ def _described(schema: dict[str, Any], table: dict[str, Any], path: str) -> Iter
 def _claim(claim: Any) -> Entry:
     """Return a claim: its sentences for all kinds of display, its explanation, its condition and its proof."""
     said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
-    proof = f"A certificate makes it {claim.when}. Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
+    margin = f"`{claim.margin.__module__}.{claim.margin.__name__}`"
+    proof = f"A certificate makes it {claim.when}. Proved by {margin}. Its witness is {claim.witness}."
     text = "\n\n".join([f"The certificate's claim {said}.", claim.explain, proof])
     return Entry("claim", (claim.id, claim.label), text, PROOFS)
 

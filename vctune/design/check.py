@@ -36,7 +36,8 @@ from vctune.model.design import Design
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
-from vctune.proof.claims.every_hand import prove_hands
+from vctune.proof.claims.claim import Question
+from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, out_of_time
 
@@ -255,7 +256,7 @@ def _holds_up_to(problem: Problem, judgement: Judgement, name: str, value: float
     assert problem.worlds is not None
     posed = pose(replace(problem, worlds=_with_end(problem.worlds, name, value)))
     design = Design(posed.demands.device, judgement.gains, judgement.coupling)
-    return prove_hands(design, posed.demands, posed.box, suspects).verdict is Verdict.PROVED
+    return WORLDS.prove(Question(design, posed.demands, posed.box, suspects), {}).verdict is Verdict.PROVED
 
 
 def _rounded(value: float, *, up: bool) -> float:

@@ -16,7 +16,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
 from vctune.model.rest import read_in_steps, rests, settles, step_of_damper, stiffness_read
-from vctune.proof.claims.registry import ClaimId
+from vctune.proof.claims.claim import ClaimId
 from vctune.proof.outcome import Verdict
 
 REST = "the chatter at rest"  # Name of a part that a time limit may leave out

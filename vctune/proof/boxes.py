@@ -261,3 +261,10 @@ def _mapped(f: Callable[[Number], Number], tree: Any) -> Any:
     if is_dataclass(tree) and not isinstance(tree, type):
         return replace(tree, **{field.name: _mapped(f, getattr(tree, field.name)) for field in fields(tree)})
     return tree
+
+
+def with_row(boxes: Boxes, name: str, low: float, high: float) -> Boxes:
+    """Return boxes with a row added whose range is the same in all."""
+    one = np.ones((1, len(boxes)))
+    ends = np.vstack((boxes.low, low * one)), np.vstack((boxes.high, high * one))
+    return first_boxes((*boxes.names, name), *ends, boxes.owner, boxes.whole_samples)

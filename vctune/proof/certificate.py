@@ -3,27 +3,17 @@ section 1; document/README.md, section 3."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import partial
 
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
 from vctune.model.problem import Demands
-from vctune.model.rest import rests
-from vctune.proof.claims.crossing import Suspects, no_suspects
+from vctune.proof.claims.claim import ClaimId, Question, Suspects, no_suspects
 from vctune.proof.claims.delays import beside_whole_sample, may_jump
-from vctune.proof.claims.every_hand import (
-    prove_any_hand,
-    prove_hands,
-    prove_wall_in_any_hand,
-    prove_wall_in_hands,
-)
-from vctune.proof.claims.loop_claims import prove_conditions, prove_sensitivity, prove_unmodelled
-from vctune.proof.claims.poles import prove_model_poles, prove_sampled_poles
-from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
+from vctune.proof.claims.registry import claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
 from vctune.running import OutOfTimeError, check_time, report_progress, reporting_progress
@@ -88,82 +78,6 @@ class Certificate:
         return 1.0 if self.without_factor and self.without_factor.verdict is Verdict.PROVED else None
 
 
-# Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative
-HIGHEST_CORNER = 2 * (1 - 1e-9)
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """The data for the proof of a claim."""
-
-    design: Design  # design with plain numbers
-    demands: Demands  # the constraints on the design
-    box: DeviceBox | None = None  # box of devices for which the claim is to be proved; None for the design's own device
-    suspects: Suspects = no_suspects  # says where to look for a failure in hands
-
-    @property
-    def covered(self) -> DeviceBox | None:
-        """The devices for which the conditions on the band differ; without gains and unmodelled dynamics none does."""
-        alike = self.box is not None and not self.design.gains.closed and self.box.nominal.unmodelled is None
-        return None if alike else self.box
-
-    @property
-    def modelled(self) -> tuple[Design, Demands, DeviceBox | None]:
-        """The same data without unmodelled dynamics: each device has its nominal response."""
-        return self.design, self.demands, self.covered and self.covered.modelled
-
-
-Outcomes = Mapping[ClaimId, Outcome]
-# A function that proves a claim; its arguments are the question and the outcomes of the claims before it
-Prover = Callable[[Question, Outcomes], Outcome]
-
-
-def _unmodelled(question: Question, known: Outcomes) -> Outcome:
-    """Prove that no response in the discs around the responses of a box makes the loop unstable."""
-    design, box, demands = question.design, question.box, question.demands
-    assert box is not None and box.nominal.unmodelled is not None
-    radii, bounded = box.nominal.unmodelled.radii, known["sensitivity"].verdict is Verdict.PROVED
-    greatest, limit = (Fraction(str(x)) for x in (max(radius for _, radius in radii), demands.max_sensitivity))
-    if bounded and greatest * (1 + limit) < 1:
-        return Outcome(Verdict.PROVED, 1)
-    return prove_unmodelled(design, demands, box)
-
-
-def _hands(question: Question, _known: Outcomes) -> Outcome:
-    demands = replace(question.demands, worlds=question.demands.worlds and question.demands.worlds.linear)
-    return prove_hands(question.design, demands, question.box, question.suspects)
-
-
-def _walls(question: Question, known: Outcomes) -> Outcome:
-    """Prove the condition of walls. The condition implies stability only for loops that are stable with the linear
-    environments."""
-    worlds, device = question.demands.worlds, question.design.device
-    usable = worlds is not None and worlds.corner is not None and worlds.corner * device.sample_time < HIGHEST_CORNER
-    if not usable or known["worlds"].verdict is not Verdict.PROVED:
-        return Outcome(Verdict.UNDECIDED, 0)
-    return prove_hands(question.design, question.demands, question.box)
-
-
-# The prover of each claim
-PROVERS: dict[ClaimId, Prover] = {
-    "passive": lambda question, _: prove_conditions(question.design, question.demands, question.covered),
-    "alone": lambda question, _: prove_conditions(question.design, question.demands, question.covered),
-    "sensitivity": lambda question, _: prove_sensitivity(*question.modelled),
-    "stable_model": lambda question, _: prove_model_poles(*question.modelled),
-    "stable": lambda question, _: prove_sampled_poles(*question.modelled),
-    "unmodelled": _unmodelled,
-    "any_hand": lambda question, _: prove_any_hand(question.design, question.demands, question.box),
-    "hands": _hands,
-    "worlds": _hands,
-    "walls": _walls,
-    "wall_in_any_hand": lambda question, _: prove_wall_in_any_hand(question.design, question.demands, question.box),
-    "wall_in_hands": lambda question, _: prove_wall_in_hands(
-        question.design, question.demands, question.box, question.suspects
-    ),
-    "rests": lambda question, _: Outcome(Verdict.PROVED if rests(question.design) else Verdict.REFUTED, 1),
-}
-
-
 def certify(
     design: Design, demands: Demands, box: DeviceBox | None = None, suspects: Suspects = no_suspects
 ) -> Certificate:
@@ -204,11 +118,11 @@ def _certificate(question: Question) -> Certificate:
         asked = claims_asked(demands, box)
         for number, claim in enumerate(asked, 1):
             report_progress(partial("claim {} of {}".format, number, len(asked)))
-            outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
-        of_band: ClaimId = "alone" if demands.alone else "passive"
-        missed = demands.factor > 1 and demands.passive and outcomes[of_band].verdict is not Verdict.PROVED
+            outcomes[claim.id] = _in_time(partial(claim.prove, question, outcomes))
+        on_band = next((claim for claim in asked if claim.quantity == "ratio"), None)
+        missed = demands.factor > 1 and on_band is not None and outcomes[on_band.id].verdict is not Verdict.PROVED
         less = replace(question, demands=replace(demands, factor=1.0))
-        without_factor = _in_time(partial(PROVERS[of_band], less, outcomes)) if missed else None
+        without_factor = _in_time(partial(on_band.prove, less, outcomes)) if on_band is not None and missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 

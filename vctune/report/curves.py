@@ -19,7 +19,7 @@ from vctune.model.hands import Hands
 from vctune.model.numbers.units import hertz
 from vctune.model.problem import Band, Problem
 from vctune.model.worlds import World
-from vctune.proof.claims.registry import ClaimId
+from vctune.proof.claims.claim import ClaimId
 
 POINTS = 400  # Number of frequencies of a curve without a resonance
 PER_DECADE = 40  # Number of frequencies per decade of a curve of the sampled loop

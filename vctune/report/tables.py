@@ -17,7 +17,8 @@ from vctune.model.numbers.units import OF_KEYS, hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
-from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS, ClaimId
+from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
 from vctune.report.curves import Required
 from vctune.report.style import in_place, limit, quantity
 

@@ -4,7 +4,7 @@ undecided."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -15,10 +15,12 @@ from vctune.analysis.hardest_hands import hardest_near
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
 from vctune.model.gains import Gains
+from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.cells import FailingPlaces, no_damping, proved_cells, refuted
+from vctune.proof.cells import Places, no_damping, proved_cells, refuted
+from vctune.proof.claims.hands import HANDS
 from vctune.proof.enclosures.intervals import Flags
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
@@ -113,7 +115,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     kinds[hopeful] = Kind.FEASIBLE
     for problem, hardest in zip(problems, estimated.places, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
-        lost = _proved_infeasible(problem, cells.subset(undecided), hardest.subset(undecided), free=free)
+        lost = _proved_infeasible(problem, cells.subset(undecided), _of_cells(hardest, undecided), free=free)
         kinds[undecided[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, estimated.damping, np.nan)
 
@@ -126,23 +128,28 @@ def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flag
     return np.where(with_x == with_y, longer, with_x > with_y)
 
 
-def _proved_infeasible(problem: Problem, cells: Cells, places: FailingPlaces, *, free: bool) -> Flags:
+def _proved_infeasible(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
     """Return the cells that are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     infeasible = refuted(demands, cells, places)
     if free:
         return infeasible | no_damping(demands, cells, places)
-    if places.in_hands is not None and not problem.rigid and not infeasible.all():
+    if HANDS.id in places and not infeasible.all():
         near = np.flatnonzero(~infeasible)
         some = cells.subset(near)
-        infeasible[near] = refuted(demands, some, _refined_places(problem, some, places.subset(near)))
+        infeasible[near] = refuted(demands, some, _refined_places(problem, some, _of_cells(places, near)))
     return infeasible
 
 
-def _refined_places(problem: Problem, cells: Cells, places: FailingPlaces) -> FailingPlaces:
+def _of_cells(places: Places, at: NDArray[np.intp]) -> Places:
+    return {claim: [place[at] for place in each] for claim, each in places.items()}
+
+
+def _refined_places(problem: Problem, cells: Cells, places: Places) -> Places:
     """Return the hands and angles near given places that require the most of the designs at the cells' centres."""
-    assert problem.hands_met is not None and places.in_hands is not None
+    first = places[HANDS.id][0]
+    assert problem.hands_met is not None and isinstance(first, PlacesInHands)
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
-    coupling, first = coupling_from(of_coupling), places.in_hands[0]
+    coupling = coupling_from(of_coupling)
     _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
-    return replace(places, in_hands=closer[None])
+    return {**places, HANDS.id: [closer]}

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import inf, pi
-from typing import Any
 
 import numpy as np
 
@@ -25,15 +24,16 @@ from vctune.model.hands import Hands, PlacesInHands
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.cells import FailingPlaces, admissible_damping
-from vctune.proof.claims.margins_of_claims import inwards
+from vctune.proof.cells import Places, admissible_damping
+from vctune.proof.claims.any_hand import WALL_IN_ANY_HAND
+from vctune.proof.claims.band import inwards
+from vctune.proof.claims.sensitivity import SENSITIVITY
+from vctune.proof.claims.wall_in_hands import WALL_IN_HANDS
 from vctune.proof.enclosures.intervals import TINY, Flags
 
 COUPLING_DAMPING = KEYS.index("coupling.damping")
 LOWEST = 1e-4  # Least angle of the grid for walls, rad
 POINTS_PER_DECADE = 24  # Number of frequencies per decade of the grids
-# Field of `FailingPlaces` for the places of each claim
-PLACES = {"passive": "omega", "hands": "in_hands", "any_hand": "theta"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Estimate:
     """Estimates in double precision for the designs at the centres of n cells."""
 
     damping: Floats  # b_c that meets the constraints; nan if they are not met
-    places: list[FailingPlaces]  # for each problem, the places where its constraints are hardest to meet
+    places: list[Places]  # for each problem, the places where its constraints are hardest to meet
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
@@ -76,15 +76,16 @@ class _Hardest:
     least: Floats  # ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,)
     most: Floats
     meets: Flags  # whether the other constraints are met, which include the coupling's if b_c is not free, shape (n,)
-    places: FailingPlaces  # the hardest places
+    places: Places  # the hardest places
     missed: Floats  # logarithm of the factor by which the centre misses the hardest of all constraints, shape (n,)
 
 
 def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     """Return the places of one problem where the constraints are hardest to meet at the centres of cells."""
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
-    gains, coupling, places = Gains(K_v, K_p), coupling_from(of_coupling), dict[str, Any]()
+    gains, coupling = Gains(K_v, K_p), coupling_from(of_coupling)
     peak, theta_S = _peak_of_sensitivity(problem, gains)
+    places: Places = {SENSITIVITY.id: [theta_S]}
     meets = peak <= problem.stability.max_sensitivity
     scarcities = [peak / problem.stability.max_sensitivity]
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
@@ -97,14 +98,14 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         for b_c, k_c in product(*ends):
             corner, _ = _limits_before_wall(problem.device, problem.hands_met, SpringDamper(b_c[:, None], k_c[:, None]))
             meets &= corner >= problem.stability.safety_factor  # else a proof would try in vain
-        places["in_hands"] = in_hands
+        places[WALL_IN_HANDS.id] = [in_hands]
     if problem.rigid and problem.any_hand:
         assert isinstance(coupling, SpringDamper)
         theta = loops_in_any_hand(problem.device, POINTS_PER_DECADE).theta
         hard = problem.stability.safety_factor / ratio_before_wall(problem.device, coupling, theta)
         scarcities.append(hard.max(axis=1))
         meets &= scarcities[-1] <= 1
-        places["theta"] = theta[np.argmax(hard, axis=1)][None]
+        places[WALL_IN_ANY_HAND.id] = [theta[np.argmax(hard, axis=1)]]
     grid = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
     for claim in () if problem.rigid else requirements(problem, gains, grid):
         required = problem.stability.safety_factor * claim.required
@@ -120,22 +121,22 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
             hardness = [required / claim.offered(coupling)]
             scarcities.append(hardness[0].max(axis=1))
             meets &= scarcities[-1] <= 1
-        places[PLACES[claim.claim]] = _stacked([claim.at(np.argmax(hard, axis=1)) for hard in hardness])
+        places[claim.claim] = [claim.at(np.argmax(hard, axis=1)) for hard in hardness]
     missed = np.log(np.maximum(np.max(scarcities, axis=0), TINY))
     if free:
         gap = np.log(np.maximum(least, cells.low[COUPLING_DAMPING]) / np.minimum(most, cells.high[COUPLING_DAMPING]))
         missed = np.maximum(missed, np.where(np.isfinite(gap), gap, -inf))
-    return _Hardest(least, most, meets, FailingPlaces(theta_S, **places), missed)
+    return _Hardest(least, most, meets, places, missed)
 
 
 def _limits_before_wall(device: Device, hands: Hands, walls: SpringDamper) -> tuple[Floats, PlacesInHands]:
     """Return the least multiples of walls of shape (n, 1) that put a pole on the unit circle in a hand of a box, and
-    where, in places of shape (1, n)."""
+    where, in places of shape (n,)."""
     loops, tried = _loops_before_wall(device, hands), first_hands(hands)
     found = [loops.limits(SpringDamper(b, k)) for b, k in zip(walls.damping[:, 0], walls.stiffness[:, 0], strict=True)]
     worst = [int(np.argmin(limits)) for limits, _ in found]
     places = [(float(angles[at]), tried[at]) for at, (_, angles) in zip(worst, found, strict=True)]
-    return np.array([limits[at] for at, (limits, _) in zip(worst, found, strict=True)]), PlacesInHands.of(places)[None]
+    return np.array([limits[at] for at, (limits, _) in zip(worst, found, strict=True)]), PlacesInHands.of(places)
 
 
 @lru_cache(maxsize=4)
@@ -151,10 +152,3 @@ def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats
     below = frequency_grid(*inwards(span), POINTS_PER_DECADE)
     S = sensitivity_of(problem.device, gains)(below)
     return S.max(axis=1), below[np.argmax(S, axis=1)] * problem.device.sample_time
-
-
-def _stacked(places: Sequence[Any]) -> Any:
-    """Return several places of each cell as one array, or one set of arrays, of shape (places, n)."""
-    if isinstance(places[0], PlacesInHands):
-        return places[0].mapped(lambda *arrays: np.stack(arrays), *places[1:])
-    return np.stack(places)

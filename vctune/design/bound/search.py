@@ -31,8 +31,9 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import PlacesInHands
 from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells, Integers
-from vctune.proof.claims.cells import by_integrator, pole_turns
-from vctune.proof.claims.loop_claims import of_cells
+from vctune.proof.cells import by_integrator
+from vctune.proof.claims.covered import of_cells
+from vctune.proof.claims.poles import pole_turns
 from vctune.proof.enclosures.intervals import Flags, Floats
 from vctune.running import OutOfTimeError, out_of_time
 
@@ -161,7 +162,7 @@ def _of_rectangles(posed: Posed, edges: Floats) -> tuple[Flags, Flags, int]:
     stable, unstable = np.zeros(number, bool), np.zeros(number, bool)
     demands = [replace(posed.demands, device=device) for device in {case.device.modelled: None for case in posed.cases}]
     for which in by_integrator(cells):
-        found = [x for each in demands for x in pole_turns(of_cells(each, cells.subset(which)), in_hand=True)]
+        found = [x for each in demands for x in pole_turns(of_cells(each, cells.subset(which)))]
         turns = np.reshape([x.number for x in found], (len(found), len(which)))  # around 0; nan if undecided
         stable[which] = (turns == 0).all(axis=0)
         unstable[which] = (np.isfinite(turns) & (turns != 0)).any(axis=0)

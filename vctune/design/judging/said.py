@@ -12,7 +12,8 @@ from vctune.model.hands import passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
 from vctune.model.servo import numbers_to_state
 from vctune.proof.certificate import RATIOS
-from vctune.proof.claims.registry import CLAIMS, ClaimId
+from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.outcome import Outcome, Verdict, enclosed
 from vctune.running import OutOfTimeError, boxes_at_most
 

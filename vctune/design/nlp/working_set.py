@@ -15,7 +15,7 @@ from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
-from vctune.proof.claims.registry import Quantity
+from vctune.proof.claims.claim import Quantity
 
 
 class Missed(IntEnum):

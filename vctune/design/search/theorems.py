@@ -12,7 +12,6 @@ from vctune.model.loop.limits import EndLimit, high_frequency_limit, lags, low_f
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.proof.claims.loop_claims import is_rational
 
 LEAST_POSITION = 5e-324  # The smallest positive double, for K_p
 
@@ -108,7 +107,8 @@ def _least_velocity(problem: Problem) -> float:
     """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if no formula is
     known."""
     device, omega = problem.device, problem.stability.band.min
-    if device.structure is not None or (omega > 0 and not is_rational(device)):
+    rational = device.ideal and device.hold == "lag" and device.delay == 0
+    if device.structure is not None or (omega > 0 and not rational):
         return -inf
     growth, tau = 1 + (omega * device.loop_lag) ** 2, float(lags(device, FLOATS).drive)
     return float(tau * problem.bounds.position.min - device.least_damping * growth)

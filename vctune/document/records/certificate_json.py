@@ -14,7 +14,8 @@ from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units, finite_hertz, in_full
 from vctune.model.parts import Unmodelled
 from vctune.model.worlds import OVER_LIMIT, World, Worlds
-from vctune.proof.claims.registry import ClaimId, claims_about
+from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Outcome, Verdict, enclosed
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"

@@ -16,6 +16,8 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
+from vctune.model.sampled.hand_loop import room
+from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -68,6 +70,10 @@ class Case:
         """Return the radius of the disc of unmodelled dynamics; 0 if the device is known exactly."""
         known = self.demands.device.unmodelled
         return self.ops.interpolated(omega / (2 * self.ops.pi), known.radii) if known is not None else 0 * omega
+
+    def room(self, required: Required, theta: Number) -> Number:
+        """Return the margin between what the coupling offers and a requirement, times a positive number."""
+        return room(self.design.coupling, self.design.device, required, self.factor, theta, self.ops)
 
 
 def case_at(

@@ -4,33 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, pi, sqrt
 
 import numpy as np
 
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.gains import Gains
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import HAND
-from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.numbers.pair import Pair
+from vctune.model.numbers.pair import Pair, re_conj_product
 from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Demands
+from vctune.model.sampled.hand_loop import loop_in_hand
+from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter
+from vctune.model.sampled.velocity_loop import return_difference, unturned
 from vctune.proof.box_tests import misses_zero, turned_angles
 from vctune.proof.boxes import Boxes, Integers
 from vctune.proof.claims.cases import Case, values_of
-from vctune.proof.claims.loop_claims import Covered, Held, device_at, held, in_rad_per_s, of_design
-from vctune.proof.claims.margins_of_claims import (
-    across_position,
-    along_drive,
-    coupling_curve,
-    hand_curve,
-    limp_hand_curve,
-    limp_hand_real,
-    model_curve,
-    sampled_curve,
-)
+from vctune.proof.claims.claim import Claim, Outcomes, Question
+from vctune.proof.claims.covered import Covered, Held, Place, device_at, held, in_rad_per_s, of_design
+from vctune.proof.claims.sensitivity import across_position, difference
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.intervals import ENCLOSURES, Flags, Floats, between, decimal
 from vctune.proof.halving import Effort
@@ -44,6 +41,79 @@ NEAR = 1e-6
 # Greatest difference, rad, between the argument at `curve_end` and its limit, at which the prover accepts the loop as
 # stable
 ROOM = 2.0
+
+
+def sampled_curve(case: Case, theta: Number) -> Pair:
+    """Return F of the sampled loop, rotated to be real at both ends."""
+    return unturned(case.let_go(), difference(case, theta).closed(case.design.gains), theta, case.ops)
+
+
+def model_curve(case: Case, omega: Number) -> Pair:
+    """Return a curve that has the zeros of D and no pole to the right of the imaginary axis."""
+    at, gains = device_response(case.design.device, omega, case.ops), case.design.gains
+    D = loop_response(at, gains, case.ops).D_scaled
+    if not case.ops.is_zero(gains.position):
+        D = Pair(-D.im, D.re)
+    return D if at.spring is None else D * Pair(at.spring.y_k, at.omega * at.spring.y_c)
+
+
+def along_drive(case: Case, omega: Number) -> Number:
+    """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0."""
+    at, gains = device_response(case.design.device, omega, case.ops), case.design.gains
+    drive, spring = at.drive, at.spring
+    lagging = omega * drive.lag
+    H2 = drive.re * drive.re + lagging * lagging
+    kept = H2 if at.estimate is None else H2 * at.estimate.re
+    along = at.damping * drive.re - at.mass * omega * lagging + gains.velocity * kept
+    if spring is None:
+        return along
+    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
+    e = Pair(omega * (omega * spring.y_c), omega * spring.y_k) * Z_2
+    e = Pair(1 + e.re, e.im)
+    return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
+
+
+def hand_curve(case: Case, theta: Number) -> Pair:
+    """Return F of the loop in a hand, before a rigid wall with a share of factor times the coupling as that wall.
+
+    It is rotated to be real at both ends. The curve of a stable loop makes no turn around 0.
+    """
+    plant, wall = case.held(), case.design.coupling
+    loop = loop_in_hand(plant, theta, case.ops)
+    if case.demands.rigid:
+        assert isinstance(loop, ForceInHand) and isinstance(wall, SpringDamper)
+        F = loop.before_wall(wall, case.factor * case.share)
+    else:
+        F = loop.closed(case.design.gains)
+    return Pair(F.even, case.ops.sin(theta / 2) * F.odd) * _turned(plant.poles, theta, case.ops)
+
+
+def limp_hand_curve(case: Case, theta: Number) -> Pair:
+    """Return `hand_curve` without the pole at z = 1 of a free position."""
+    plant, ops = case.held(), case.ops
+    F = loop_in_hand(plant, theta, ops).closed(case.design.gains)
+    return Pair(F.odd, -F.even / ops.sin(theta / 2)) * _turned(plant.poles - 1, theta, ops)
+
+
+def limp_hand_real(case: Case, theta: Number) -> Number:
+    """Return the real part of `limp_hand_curve`, also at theta = 0."""
+    plant, ops = case.held(), case.ops
+    F, others = loop_in_hand(plant, theta, ops).closed(case.design.gains), plant.poles - 1
+    ratio = others * ops.sinc(theta * (others / 2)) / ops.sinc(theta / 2)  # of the sines of others theta/2 and theta/2
+    return F.odd * ops.cos(theta * (others / 2)) - F.even * ratio
+
+
+def coupling_curve(case: Case, theta: Number) -> Pair:
+    """Return (1 - 1/z) Z_c T of an impedance display, whose zeros outside the unit circle are poles of 1/Z_c."""
+    coupling, device, ops = case.design.coupling, case.design.device, case.ops
+    assert isinstance(coupling, SpringDamper)
+    passed, half = firmware_filter(device, theta, ops) or Pair(1, 0), ops.sin(theta / 2)
+    difference = Pair(2 * half * half, 2 * half * ops.cos(theta / 2))
+    return (passed * difference).scaled(coupling.damping).plus(coupling.stiffness * device.sample_time)
+
+
+def _turned(poles: int, theta: Number, ops: Arithmetic) -> Pair:
+    return Pair(ops.cos(theta * (poles / 2)), -ops.sin(theta * (poles / 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,18 +239,6 @@ def stable_loop(device: Device, gains: Gains, *, model: bool) -> bool | None:
     return None if np.isnan(numbers).any() else not any(numbers)
 
 
-def prove_model_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
-    """Prove that no pole of the frequency model lies in the closed right half plane, for every device of the box."""
-    if not design.gains.closed:
-        return Outcome(Verdict.PROVED if design.device.damping > 0 else Verdict.REFUTED, 1)
-    return _poles(design, demands, box, model_turns)
-
-
-def prove_sampled_poles(design: Design, demands: Demands, box: DeviceBox | None) -> Outcome:
-    """Prove that the spectral radius of the exact sampled loop is below 1, for every device of the box."""
-    return in_rad_per_s(_poles(design, demands, box, sampled_turns), design.device)
-
-
 def _poles(design: Design, demands: Demands, box: DeviceBox | None, counted: Callable[[Covered], Turns]) -> Outcome:
     boxes, corners = 0, box.modelled.corners() if box is not None else []
     for loop in of_design(design, demands, box).loops():
@@ -198,3 +256,74 @@ def _poles(design: Design, demands: Demands, box: DeviceBox | None, counted: Cal
                 return Outcome(Verdict.REFUTED, boxes, None, device)
         return Outcome(Verdict.UNDECIDED, boxes, float(found.point[0, 0]), doubtful if loop.box is not None else None)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def _prove_model(question: Question, _known: Outcomes) -> Outcome:
+    """Prove that no pole of the frequency model lies in the closed right half plane, for every device of the box."""
+    design = question.design
+    if not design.gains.closed:
+        return Outcome(Verdict.PROVED if design.device.damping > 0 else Verdict.REFUTED, 1)
+    return _poles(*question.modelled, model_turns)
+
+
+def _prove_sampled(question: Question, _known: Outcomes) -> Outcome:
+    """Prove that the spectral radius of the exact sampled loop is below 1, for every device of the box."""
+    return in_rad_per_s(_poles(*question.modelled, sampled_turns), question.design.device)
+
+
+def pole_turns(cells: Covered) -> list[Turns]:
+    """Count the unstable poles of each loop and model that must be stable, with those in the middle hand of a box."""
+    counted = (model_turns, sampled_turns) if cells.demands.passive else (sampled_turns,)
+    found = [count(loop) for loop in cells.loops() for count in counted]
+    return [*found, hand_turns(cells)] if cells.demands.hands is not None else found
+
+
+def unstable(turns: Turns) -> Flags:
+    """Return the owners of which every loop has an unstable pole."""
+    return np.asarray(np.isfinite(turns.number) & (turns.number != 0))
+
+
+def _all_stable(counted: Callable[[Covered], Turns], cells: Covered) -> Flags:
+    return np.all([counted(loop).number == 0 for loop in cells.loops()], axis=0)
+
+
+def _unstable(counted: Callable[[Covered], Turns], cells: Covered, _places: Place) -> Flags:
+    return np.any([unstable(counted(loop)) for loop in cells.loops()], axis=0)
+
+
+STABLE_MODEL = Claim(
+    id="stable_model",
+    sentence="no pole of the frequency model in the closed right half plane",
+    quantity="poles",
+    margin=model_curve,
+    witness="if undecided, a frequency where the curve comes close to 0; the proof only counts poles",
+    label="poles of the frequency model",
+    explain=(
+        "The frequency model itself is stable, both without a hand and in the hand of `[operator]`. Without "
+        "this claim, `passive` would not imply stability."
+    ),
+    when='for an admittance display with the criterion "passive" or "both"',
+    asked=lambda demands, _: demands.passive,
+    prove=_prove_model,
+    cells=partial(_all_stable, model_turns),
+    lost=partial(_unstable, model_turns),
+)
+
+
+STABLE = Claim(
+    id="stable",
+    sentence="spectral radius of the sampled loop below 1",
+    quantity="poles",
+    margin=return_difference,
+    witness="if undecided, a frequency where the curve comes close to 0; the proof only counts poles",
+    label="poles of the sampled loop",
+    explain=(
+        "The exactly sampled velocity loop is stable, both when nobody holds the device and in the hand of "
+        "`[operator]`."
+    ),
+    when="for every device but a servo, whose coupling is not a wall",
+    asked=lambda demands, _: demands.device.kind.own_loop and not demands.rigid,
+    prove=_prove_sampled,
+    cells=partial(_all_stable, sampled_turns),
+    lost=partial(_unstable, sampled_turns),
+)

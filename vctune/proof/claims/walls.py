@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,10 @@ from vctune.model.sampled.loop_in_worlds import (
     LEADS,
     Strip,
     Tangent,
+    ZSeen,
     flattest,
     shares_of,
+    strip_in_walls,
     sum_of,
     tangent_at,
     tangent_at_rest,
@@ -24,12 +28,35 @@ from vctune.model.sampled.loop_in_worlds import (
     width_of,
 )
 from vctune.model.worlds import Worlds
+from vctune.proof.boxes import Values
 from vctune.proof.claims.cases import Case, exact_case
-from vctune.proof.claims.margins_of_claims import limp_strip_of_walls, strip_of_walls
+from vctune.proof.claims.claim import Claim, Outcomes, Question
+from vctune.proof.claims.delays import Part
+from vctune.proof.claims.in_hands import Asked, Tests, ends_of, limp, no_pole_crosses, tested_with
+from vctune.proof.claims.worlds import WORLDS, met_by_environment, met_of, offered_to, seen_at_rest
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, surely_negative
 from vctune.proof.enclosures.taylor import Taylor
+from vctune.proof.outcome import Outcome, Verdict
 
+# Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative
+HIGHEST_CORNER = 2 * (1 - 1e-9)
 INWARDS = 1 - 1e-9  # Factor that keeps rounding from making the slope of a tangent negative
+
+
+def strip_of_walls(case: Case, theta: Number) -> Strip:
+    """Return the ranges over which the condition of walls must hold in a hand, for one share of the coupling."""
+    offered, seen = met_by_environment(case, theta)
+    return strip_in_walls(
+        offered, met_of(case).worlds, case.design.device.sample_time, seen, case.share, theta, case.ops
+    )
+
+
+def limp_strip_of_walls(case: Case, theta: Number) -> Strip:
+    """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness."""
+    seen, T, ops = seen_at_rest(case, theta), case.design.device.sample_time, case.ops
+    whole = ZSeen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
+    offered = offered_to(case, theta)
+    return strip_in_walls(offered, met_of(case).worlds, T, whole, case.share, theta, ops)
 
 
 def walls_margins(case: Case, theta: Number, lead: float) -> tuple[Number, ...]:
@@ -59,7 +86,7 @@ def limp_walls_margin(case: Case, theta: Number, lead: float) -> Number:
     return found.flat + ops.cos(theta / 2) * ops.cos(theta / 2) * found.rest
 
 
-def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
+def _fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
     """Return whether E is negative at the mass and damping of the box where E is about least."""
     plain, at = demands.worlds, Enclosure(theta)
     assert plain is not None
@@ -105,3 +132,51 @@ def _ends(x: Number) -> tuple[Floats, Floats]:
     """Return the approximate least and greatest value over each box."""
     over = x.enclosed() if isinstance(x, Taylor) else x
     return np.asarray(over.mid - over.rad), np.asarray(over.mid + over.rad)
+
+
+def _prove(question: Question, known: Outcomes) -> Outcome:
+    """Prove the condition of walls. It implies stability of a loop that is stable with the linear environments."""
+    design, demands, worlds = question.design, question.demands, question.demands.worlds
+    assert worlds is not None
+    usable = worlds.corner is not None and worlds.corner * design.device.sample_time < HIGHEST_CORNER
+    if not usable or known[WORLDS.id].verdict is not Verdict.PROVED:
+        return Outcome(Verdict.UNDECIDED, 0)
+
+    def tests(part: Part, fixed: Values) -> Tests:
+        found = Tests()
+        for lead in LEADS:
+            at_rest = partial(limp_walls_margin, lead=lead) if worlds.high.mass < inf else None
+            found.append((tested_with(question, part, fixed, partial(walls_margins, lead=lead), at_rest), None))
+        return found
+
+    def fails(design: Design, hand: Hand | None, theta: float, share: float) -> bool:
+        return hand is not None and 0 < theta < pi and _fails_with_a_wall(design, demands, hand, theta, share)
+
+    # each share of the coupling has margins of its own
+    reserve = demands.factor if demands.factor > 1 else None
+    ends = ends_of(demands.hands, question.box, at_rest=limp(design, demands), reserve=reserve)
+    return no_pole_crosses(Asked(question, tests, fails), ends)
+
+
+WALLS = Claim(
+    id="walls",
+    sentence=(
+        "stable in every hand with every fixed wall, one-sided or piecewise linear, of slopes k_1 to k_2: "
+        "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
+    ),
+    quantity="in_hand",
+    margin=walls_margins,
+    witness="a frequency up to Nyquist and a hand of `[operator]`",
+    label="every hand with every wall of the box",
+    explain=(
+        "The device is stable in each hand of `[operator]` with each wall, to which a mass and a damper of "
+        "`[environment]` are added. The force of a wall depends only on the position, and its slope is "
+        "everywhere within the range `environment.stiffness`. A wall is one-sided or piecewise linear, at any "
+        "position. It steps by the trapezoidal rule or by backward Euler. The claim does not cover walls that "
+        "move or one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, "
+        "the device can still be stable with every wall."
+    ),
+    when="as `worlds`, with `environment.walls = true`",
+    asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
+    prove=_prove,
+)
