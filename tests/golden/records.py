@@ -24,8 +24,10 @@ from vctune.document.records.design_json import design_of
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures
 from vctune.report.experiments import simulation_figure
+from vctune.report.identification import identification_files
 from vctune.report.page import report_files
 from vctune.report.region_figure import region_figure
+from vctune.report.sweep_figure import sweep_figure
 
 PROBLEMS = ROOT / "problems"
 DIGITS = 7
@@ -63,9 +65,8 @@ def drawn(figure: Any) -> Iterator[list[Any]]:
             yield [str(line.get_label()), *sizes, *np.abs(finite).mean(axis=1)] if sizes else [str(line.get_label())]
 
 
-def page(record: Any) -> list[str]:
+def sentences(text: str) -> list[str]:
     """Return the sentences of a page, without its pictures."""
-    text = list(report_files(record, Path("x")).values())[-1]
     text = re.sub(r"<(svg|style|script).*?</\1>|sha256[^<]*|\b[0-9a-f]{12,}\b", " ", text, flags=re.DOTALL)
     found = (re.sub(r"\s+", " ", part).strip() for part in re.split(r"<[^>]*>", text))
     return [part for part in found if part and "vctune" not in part]
@@ -78,7 +79,7 @@ def told(found: Any) -> Any:
     if record.design is not None:
         shown = design_figures(problem, record, requirements(problem, *record.design), "")
     return {
-        "record": found, "page": page(record),
+        "record": found, "page": sentences(list(report_files(record, Path("x")).values())[-1]),
         "rows": [[title, *row] for title, rows in record.groups().items() for row in rows],
         "figures": [[each.title, each.name, *drawn(each.figure)] for each in shown],
     }  # fmt: skip
@@ -103,16 +104,21 @@ def of_region(name: str) -> Any:
 
 
 def of_sweep(name: str, key: str, *values: float) -> Any:
-    """Return the rows of a sweep."""
-    return list(vctune.sweep(PROBLEMS / f"{name}.toml", {key: list(values)}).table.rows())
+    """Return the rows of a sweep, and its picture."""
+    table = vctune.sweep(PROBLEMS / f"{name}.toml", {key: list(values)}).table
+    figure = sweep_figure(table, grid=True)
+    return {"rows": list(table.rows()), "figure": [] if figure is None else list(drawn(figure))}
 
 
 def of_log(log: Log, *, servo: bool = False) -> Any:
     """Return what is identified from a log."""
     with tempfile.TemporaryDirectory() as folder:
         found = vctune.identify(*log.write(Path(folder)), servo=servo)
+        *_, shown = identification_files(found.found, found.record, Path(folder)).values()
     record, text = found.record.to_json(), found.text
-    return {"record": record, "rows": list(found.rows()), "file": text[text.index("[") :]}
+    return {
+        "record": record, "rows": list(found.rows()), "file": text[text.index("[") :], "page": sentences(shown),
+    }  # fmt: skip
 
 
 def of_simulation(name: str) -> Any:
@@ -142,7 +148,8 @@ ANSWERS: dict[str, Callable[[], Any]] = {
     )},
     **{f"region: {name}": partial(of_region, name) for name in ("friction-wheel", "wall", "friction-wheel-hands")},
     "sweep: damping": partial(of_sweep, "friction-wheel", "device.damping", 0.5, 2.0, 8.0),
-    "sweep: late": partial(of_sweep, "arm-contact", "device.servo.delay", 0.01),
+    "sweep: late": partial(of_sweep, "arm-contact", "device.servo.delay", 0.005, 0.01),
+    "sweep: mass": partial(of_sweep, "friction-wheel-hands", "device.mass", 0.3, 0.4, 0.5),
     **{f"log: {seed}": lambda seed=seed: of_log(random_case(seed).log) for seed in (2, 3)},
     **{
         f"servo log: {seed}": lambda seed=seed: of_log(Log(servo_case(seed).columns, ""), servo=True)
