@@ -23,12 +23,12 @@ from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.design.search import optimum
 from vctune.design.solve import solve
+from vctune.design.uncertain import device_box
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
-from vctune.proof.device_box import device_box
 from vctune.proof.outcome import Verdict
 
 WIDE = "[uncertainty]\nmass = 0.1\ndamping = 0.5\ndelay = 0.2\n"

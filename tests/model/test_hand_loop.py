@@ -17,12 +17,12 @@ from loop import Loop, offered, sensitivity
 from loop import port as port_of
 from random_devices import COMBINATIONS, hand_for, ordinary_gains, with_parts
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, sampled_resistance
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import (
     LoopInHand,
     NextToRest,

@@ -15,6 +15,7 @@ from conftest import drawn
 from device_cases import NUM, Case, cases
 from flint import ctx
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
@@ -23,7 +24,6 @@ from vctune.model.loop.device_response import device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import G_hh_abs2, loop_response, tracking_abs2
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import (

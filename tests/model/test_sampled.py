@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from vctune.analysis.sampled_loop import spectral_radius
 from vctune.analysis.stability import clearly_stable
 from vctune.bench.evaluator import Scene
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.proof.claims.covered import of_design
 from vctune.proof.claims.poles import model_turns, stable_loop

@@ -10,10 +10,10 @@ import pytest
 from vctune.bench.evaluator import case_of, coupling_impedance, impedances
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.outcome import Verdict
 

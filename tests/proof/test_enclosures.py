@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import CURVATURE_BELOW
 from vctune.model.numbers.units import KEYS
-from vctune.model.problem import Demands
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.cells import proved_cells as prove

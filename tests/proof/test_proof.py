@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vctune.api.checking import check
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.pair import Pair
-from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims.band import PASSIVE
 from vctune.proof.claims.claim import Question

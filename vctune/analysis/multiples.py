@@ -18,12 +18,12 @@ from vctune.analysis.extrema import Floats, last_to_hold, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
 from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, suspects_of_nominal, zoomed
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_hand
 from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.margins import roots
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
 from vctune.model.hands import Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import real_at_nyquist

@@ -59,8 +59,11 @@ from vctune.model.numbers.units import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import numbers_to_state
+from vctune.proof.claims.any_hand import ANY_HAND
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS
+from vctune.proof.claims.rest import RESTS
+from vctune.proof.claims.walls import WALLS
 from vctune.proof.outcome import Outcome, worst_verdict
 from vctune.running import OutOfTimeError, unlimited
 from vctune.version import versions
@@ -211,7 +214,7 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling = judgement.gains, judgement.coupling
     display, in_any, outcomes = _display(problem), judgement.in_any_hand, judgement.certificate.outcomes
-    any_hand = AnyHandRecord(**_claimed(problem, outcomes["any_hand"], in_any)) if in_any else None
+    any_hand = AnyHandRecord(**_claimed(problem, outcomes[ANY_HAND.id], in_any)) if in_any else None
     also = {
         "hands": _in_hands(problem, judgement),
         "any_hand": any_hand,
@@ -262,7 +265,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> HandsRecord | None:
     ):
         also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
     if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
-        claimed = _claimed(problem, outcomes["walls"], walls) | {"worst_hand": walls.hand}
+        claimed = _claimed(problem, outcomes[WALLS.id], walls) | {"worst_hand": walls.hand}
         also["walls"] = WallsRecord(**claimed, corner_hz=hertz(corner))
     outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
     return HandsRecord(**_claimed(problem, outcome, held), **_boxes(hands), worst_hand=held.hand, **also)
@@ -405,13 +408,14 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
     """Return the claims whose least ratio is next to the safety factor, of a design without multipliers."""
     found, limit = list[ActiveRecord](), AT_LIMIT * problem.stability.safety_factor
     for at in judgement.margins:
-        own = "Re Z_c >= safety_factor R" if at.of == "ratio" else _coupled(problem)
-        where = "" if at.of == "ratio" else f" in {'any passive' if at.hand is None else 'a'} hand"
-        demand = "walls in a hand" if at.of == "walls" else own + where
+        on_band = CLAIMS[at.claim].quantity == "ratio"
+        own = "Re Z_c >= safety_factor R" if on_band else _coupled(problem)
+        where = "" if on_band else f" in {'any passive' if at.hand is None else 'a'} hand"
+        demand = "walls in a hand" if at.claim == WALLS.id else own + where
         if at.ratio <= limit and all(each.demand != demand for each in found):
             found.append(ActiveRecord(demand=demand, hz=finite_hertz(at.omega), multiplier=None))
     if any(at_greatest_rest(problem, judgement, key) for key, _ in _touched(problem, judgement)):
-        said = CLAIMS["rests"].said_of(problem.device.kind)
+        said = RESTS.said_of(problem.device.kind)
         found.append(ActiveRecord(demand=said.rpartition(": ")[2], hz=None, multiplier=None))
     if judgement.gains.closed and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
         hz = hertz(judgement.worst_sensitivity)

@@ -6,14 +6,16 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 
 from vctune.analysis.demands import sampled_span, transparency_error
+from vctune.design.uncertain import device_box, in_longer_hands, moved_as_one
 from vctune.design.variables import Point
+from vctune.model.demands import Demands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.problem import Demands, Problem
+from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS, Terms
 from vctune.model.worlds import Worlds
 from vctune.proof.claims.delays import beside_whole_sample, may_jump, next_to_whole_samples, reaching_whole_sample
-from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
+from vctune.proof.device_box import DeviceBox
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from math import pi
 from typing import Literal
 
+from vctune.model.demands import Demands
 from vctune.model.device import Device, unit_of_number
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
@@ -93,37 +94,6 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
-class Demands:
-    """The constraints on a design."""
-
-    device: Device  # the device
-    band: tuple[float, float]  # band of Llewellyn's conditions, rad/s
-    factor: float  # safety factor g, the least permitted Re Z_c / R; for an impedance display Re (1/Z_c) / R
-    max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
-    passive: bool = True  # whether the constraints include any passive hand on an admittance display, on the band
-    any_hand: bool = False
-    hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
-    worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
-    rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
-    rest: bool = False  # whether the device must rest between the steps of its encoder
-
-    @property
-    def alone(self) -> bool:
-        """Whether the claim about any passive hand is one with nothing behind the coupling."""
-        return self.passive and self.worlds is not None
-
-    @property
-    def worlds_met(self) -> WorldsMet | None:
-        """The required linear environments and the safety factor; None for every passive environment."""
-        return None if self.worlds is None else WorldsMet(self.worlds.linear, self.factor)
-
-    @property
-    def walls_met(self) -> WorldsMet | None:
-        """The required environments including walls, and the safety factor."""
-        return _with_walls(self.worlds, self.factor)
-
-
-@dataclass(frozen=True, slots=True)
 class Uncertainty:
     """The uncertainty of the device: how far its parameters and its response may deviate from the stated values."""
 
@@ -206,19 +176,8 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The linear environments with which the loop must be stable in these hands, and the safety factor.
-
-        Returns None for every passive environment.
-        """
-        return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
-
-    @property
-    def walls_met(self) -> WorldsMet | None:
-        """The required environments including walls, and the safety factor.
-
-        Returns None without a box of environments, and if the multiplier that proves walls has no corner.
-        """
-        return _with_walls(self.worlds, self.stability.safety_factor)
+        """The required linear environments and the safety factor; None for every passive environment."""
+        return self.demands.worlds_met
 
     @property
     def demands(self) -> Demands:
@@ -315,7 +274,3 @@ class Problem:
             hands=self.hands.in_units(impedance, time),
             worlds=self.worlds and self.worlds.in_units(impedance, time),
         )
-
-
-def _with_walls(worlds: Worlds | None, factor: float) -> WorldsMet | None:
-    return None if worlds is None or worlds.corner is None else WorldsMet(worlds, factor)

@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.hands import PlacesInHands
-from vctune.model.problem import Demands
 from vctune.proof.box_tests import Margin, lower_bound_over
 from vctune.proof.boxes import Cells, Integers, over_each
 from vctune.proof.claims.cases import over

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
-from vctune.model.problem import Demands
 from vctune.proof.claims.claim import ClaimId, Question, Suspects, no_suspects
 from vctune.proof.claims.delays import beside_whole_sample, may_jump
 from vctune.proof.claims.registry import claims_about, claims_asked

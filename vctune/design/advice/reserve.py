@@ -15,10 +15,11 @@ from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
 from vctune.design.prepared import pose
 from vctune.design.search.theorems import impossible
+from vctune.model.demands import Demands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
-from vctune.model.problem import Demands, Problem
+from vctune.model.problem import Problem
 
 MOST_DEVICES = 16  # Greatest number of devices of a box on which a design is estimated
 SLACK = 1e-5  # Share by which more than the safety factor is asked for, so that the proof succeeds

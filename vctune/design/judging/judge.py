@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,29 +18,33 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import (
     DEVICES_AT_ONCE,
-    RatioInHand,
-    least_on_grid,
-    least_ratio_before_wall,
-    least_ratios_in_any_hand,
-    least_ratios_of_devices,
 )
 from vctune.analysis.in_worlds import corner_of
+from vctune.analysis.least_ratio import LEAST, least_of_devices
 from vctune.analysis.margins import Margins, loop_margins
-from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls, suspects
+from vctune.analysis.multiples import suspects
 from vctune.analysis.responses import Loop
-from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall, worst_before_wall
+from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.units import hertz
-from vctune.model.problem import Demands, Problem
+from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.certificate import Certificate, certify
+from vctune.proof.claims.any_hand import ANY_HAND
+from vctune.proof.claims.band import ALONE, PASSIVE
+from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.hands import HANDS
+from vctune.proof.claims.registry import BEFORE_WALL, claims_asked
+from vctune.proof.claims.walls import WALLS
+from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
@@ -67,18 +71,15 @@ IDLE_TRACKING = 0.5  # Mean or greatest |1 - G_he| above which vctune warns that
 PROVING = 0.85  # Share of the remaining time that the proof of a design may take if there is a time limit
 
 
-MarginName = Literal["ratio", "hands", "any_hand", "walls", "wall"]
-
-
 class LeastRatio(NamedTuple):
-    """The least Re Z_c / R of a claim on a device: on the band, in the hands of a box, in any passive hand, or with
-    walls; for the coupling as a wall, the least multiple of it that is unstable."""
+    """The least Re Z_c / R of a claim on a device; for the coupling as a wall, the least multiple of it that is
+    unstable."""
 
     ratio: float  # inf if nothing is required
     omega: float  # rad/s
     device: Device
+    claim: ClaimId = ""
     hand: Hand | None = None
-    of: MarginName = "ratio"
 
 
 def _ratio(margin: LeastRatio) -> float:
@@ -143,9 +144,9 @@ class Judgement:
         """The kind of display of the device."""
         return self.device.kind
 
-    def least(self, *claims: MarginName) -> LeastRatio | None:
+    def least(self, *claims: ClaimId) -> LeastRatio | None:
         """Return the least margin of some claims, or of all; None without one."""
-        return min((at for at in self.margins if not claims or at.of in claims), default=None, key=_ratio)
+        return min((at for at in self.margins if not claims or at.claim in claims), default=None, key=_ratio)
 
     @property
     def binding(self) -> LeastRatio:
@@ -170,12 +171,12 @@ class Judgement:
     @property
     def in_hand(self) -> LeastRatio | None:
         """The least Re Z_c / R in the hands of the claim; None without this claim."""
-        return self.least("hands")
+        return self.least(HANDS.id, WORLDS.id)
 
     @property
     def in_any_hand(self) -> LeastRatio | None:
         """The least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim."""
-        return self.least("any_hand")
+        return self.least(ANY_HAND.id)
 
     @property
     def closed_loop(self) -> LoopOfWall | None:
@@ -191,12 +192,12 @@ class Judgement:
     @property
     def before_wall(self) -> LeastRatio | None:
         """The least multiple of the coupling as a wall that is unstable; None without a wall."""
-        return self.least("wall")
+        return self.least(*BEFORE_WALL)
 
     @property
     def in_walls(self) -> LeastRatio | None:
         """The least ratio of the condition on walls; None without walls."""
-        return self.least("walls")
+        return self.least(WALLS.id)
 
     @property
     def worst_hz(self) -> float:
@@ -361,7 +362,7 @@ def margins_on_band(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[L
         return []
     found = [margin_on_band(case, gains, coupling) for case in posed.cases]
     inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
-    return [*found, *(LeastRatio(at.ratio, at.omega, at.device) for at in inside[:1])]
+    return [*found, *(LeastRatio(at.ratio, at.omega, at.device, found[0].claim) for at in inside[:1])]
 
 
 def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> LeastRatio:
@@ -373,42 +374,21 @@ def margin_on_band(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Lea
         if edge in (band.min, band.max):
             limit = limit_of(device, gains, series_coupling(coupling))
             candidates.append((limit.coupling / limit.required if limit.required > 0 else inf, edge))
-    return LeastRatio(*min(candidates), device)
+    return LeastRatio(*min(candidates), device, (ALONE if problem.alone else PASSIVE).id)
 
 
 def margins_in_hands(
     demands: Demands, devices: Sequence[Device], gains: Gains, coupling: AnyCoupling, *, climbed: bool = True
 ) -> list[LeastRatio]:
-    """Return the least ratio of each device in the hands of each claim, or only the least on a grid of hands."""
-    if demands.rigid:
-        return [_before_wall(device, demands.hands, coupling) for device in devices]
+    """Return the least ratio of each claim in hands on each device, or only an estimate of it."""
     found = list[LeastRatio]()
-    if demands.hands is not None and demands.worlds is not None:
-        for device in devices:
-            law = device, demands.hands, gains, coupling
-            found.append(_in_hand(device, least_ratio_in_worlds(*law, demands.worlds), "hands"))
-            if demands.walls_met:
-                found.append(_in_hand(device, least_ratio_with_walls(*law, demands.walls_met), "walls"))
-    elif demands.hands is not None:
+    for claim in (claim.id for claim in claims_asked(demands) if claim.id in LEAST):
+        if claim == WALLS.id and demands.walls_met is None:
+            continue
         if climbed:
-            ratios = [each[0] for each in least_ratios_of_devices(devices, demands.hands, gains, coupling)]
+            ratios = least_of_devices(claim, demands, devices, gains, coupling)
         else:
-            ratios = [least_on_grid(device, demands.hands, gains, coupling) for device in devices]
-        found += [_in_hand(device, at, "hands") for device, at in zip(devices, ratios, strict=True)]
-    if demands.any_hand:
-        worst = ((device, least_ratios_in_any_hand(device, gains, coupling)[0]) for device in devices)
-        found += [LeastRatio(at.ratio, at.omega, device, of="any_hand") for device, at in worst]
+            ratios = [LEAST[claim](demands, device, gains, coupling) for device in devices]
+        for device, at in zip(devices, ratios, strict=True):
+            found.append(LeastRatio(at.ratio, at.omega, device, claim, at.hand))
     return found
-
-
-def _in_hand(device: Device, at: RatioInHand, claim: MarginName) -> LeastRatio:
-    return LeastRatio(at.ratio, at.omega, device, at.hand, claim)
-
-
-def _before_wall(device: Device, hands: Hands | None, coupling: AnyCoupling) -> LeastRatio:
-    assert isinstance(coupling, SpringDamper)
-    if hands is None:
-        at = least_ratio_before_wall(device, coupling)
-        return LeastRatio(at.ratio, at.omega, device, of="wall")
-    worst = worst_before_wall(device, coupling, hands)
-    return LeastRatio(worst.value, worst.theta / device.sample_time, device, worst.hand, "wall")

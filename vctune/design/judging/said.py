@@ -7,23 +7,20 @@ from dataclasses import replace
 from math import inf, pi
 
 from vctune.analysis.in_worlds import growth_near
-from vctune.design.judging.judge import Judgement, MarginName, Status, certified
+from vctune.design.judging.judge import Judgement, Status, certified
 from vctune.model.hands import passive_hand
 from vctune.model.numbers.units import UNITS, Units, hertz, in_full, narrowed
 from vctune.model.servo import numbers_to_state
 from vctune.proof.certificate import RATIOS
 from vctune.proof.claims.claim import ClaimId
 from vctune.proof.claims.registry import CLAIMS
+from vctune.proof.claims.sensitivity import SENSITIVITY
+from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.outcome import Outcome, Verdict, enclosed
 from vctune.running import OutOfTimeError, boxes_at_most
 
 CUT = " (the time limit cut its proof)"  # Words that follow a claim if the time limit ended its proof
 MOST_BOXES = 20_000  # Greatest number of boxes of the proof that a design misses only the safety factor
-# The margin of each claim about the coupling
-MARGINS: dict[ClaimId, MarginName] = {
-    "passive": "ratio", "alone": "ratio", "hands": "hands", "worlds": "hands", "walls": "walls", "any_hand": "any_hand",
-    "wall_in_any_hand": "wall", "wall_in_hands": "wall",
-}  # fmt: skip
 
 
 def said_of(judgement: Judgement) -> str:
@@ -47,10 +44,10 @@ def open_claims(judgement: Judgement) -> list[str]:
 
     def severity(entry: tuple[ClaimId, Outcome]) -> tuple[bool, float]:
         claim, found = entry
-        if (name := MARGINS.get(claim)) is not None:
-            least = judgement.least(name)
+        if claim in RATIOS:
+            least = judgement.least(claim)
             return found.verdict is not Verdict.REFUTED, inf if least is None else least.ratio / demands.factor
-        loud = demands.max_sensitivity / judgement.peak_sensitivity if claim == "sensitivity" else 0.0
+        loud = demands.max_sensitivity / judgement.peak_sensitivity if claim == SENSITIVITY.id else 0.0
         return found.verdict is not Verdict.REFUTED, loud
 
     open_ = [entry for entry in judgement.certificate.outcomes.items() if entry[1].verdict is not Verdict.PROVED]
@@ -130,7 +127,7 @@ def _misses_only_the_factor(judgement: Judgement) -> bool:
 
 def _growth(judgement: Judgement) -> str:
     """Return how a motion grows in the hand of a refuted claim with its least environment; "" if it does not."""
-    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get("worlds")
+    demands, outcome = judgement.certificate.demands, judgement.certificate.outcomes.get(WORLDS.id)
     if outcome is None or outcome.verdict is not Verdict.REFUTED or outcome.hand is None or not outcome.witness:
         return ""
     assert demands.worlds is not None

@@ -17,6 +17,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import OF_KEYS, UNITS
 from vctune.model.problem import Problem
 from vctune.model.servo import latency, latency_parts
+from vctune.proof.claims.registry import CLAIMS
 
 # Beginning of the reason
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -100,7 +101,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
     on_band = [margin_on_band(problem, gains, coupling)] if problem.passive else []
     worst = min([*on_band, *margins_in_hands(problem.demands, [device], gains, coupling)], key=lambda at: at.ratio)
     ratio, place = worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz"
-    if worst.of != "ratio":
+    if CLAIMS[worst.claim].quantity != "ratio":
         hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
         place += f" in {hand}"
     excess, most = -peaks.value[0] / stability.max_sensitivity, stability.max_sensitivity

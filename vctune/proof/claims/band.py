@@ -8,6 +8,7 @@ from math import inf, nextafter
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import coupling_impedance
@@ -16,7 +17,6 @@ from vctune.model.loop.llewellyn import llewellyn_excess, moduli, passive_alone,
 from vctune.model.loop.loop import LoopResponse, loop_constants, loop_response
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import re_conj_product
-from vctune.model.problem import Demands
 from vctune.proof.box_tests import beside_zero, positive, sufficient
 from vctune.proof.boxes import Boxes
 from vctune.proof.claims.cases import Case, exact_case

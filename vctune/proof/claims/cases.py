@@ -8,13 +8,13 @@ from functools import cache, lru_cache, partial
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.units import KEYS
-from vctune.model.problem import Demands
 from vctune.model.sampled.circle import split_delay
 from vctune.model.sampled.hand_loop import room
 from vctune.model.sampled.impedance_display import Required

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.problem import Demands
 from vctune.proof.claims.cases import Case
 from vctune.proof.claims.covered import Covered, Place
 from vctune.proof.device_box import DeviceBox

@@ -12,12 +12,12 @@ from math import floor
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import KEYS, keys_of
-from vctune.model.problem import Demands
 from vctune.proof.box_tests import Margin, lower_bound_over
 from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band, over_each
 from vctune.proof.claims.cases import Case, over

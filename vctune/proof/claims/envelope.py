@@ -9,12 +9,12 @@ from math import inf
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.problem import Demands
 from vctune.model.sampled.impedance_display import Required
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, Boxes, Cells, band_of, first_boxes, over_cells

@@ -9,12 +9,12 @@ from functools import partial
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import KEYS
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.plant_in_hand import plants_in_spring

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import keys_of
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import NextToRest
 from vctune.model.sampled.plant_in_hand import PlantInHand
 from vctune.proof.box_tests import beside_zero, positive, sufficient

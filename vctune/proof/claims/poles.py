@@ -9,6 +9,7 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
@@ -18,7 +19,6 @@ from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.pair import Pair, re_conj_product
 from vctune.model.numbers.units import KEYS
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter
 from vctune.model.sampled.velocity_loop import return_difference, unturned

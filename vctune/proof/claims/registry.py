@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vctune.model.problem import Demands
+from vctune.model.demands import Demands
 from vctune.proof.claims.any_hand import ANY_HAND, WALL_IN_ANY_HAND
 from vctune.proof.claims.band import ALONE, PASSIVE
 from vctune.proof.claims.claim import Claim, ClaimId, Quantity

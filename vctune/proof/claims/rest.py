@@ -6,8 +6,8 @@ from math import inf
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.numbers.units import KEYS, SPRING_KEYS
-from vctune.model.problem import Demands
 from vctune.model.rest import greatest_at_rest, rests
 from vctune.proof.claims.claim import Claim
 from vctune.proof.enclosures.intervals import Floats

@@ -7,9 +7,9 @@ from math import isnan, nextafter
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.hands import Hand, Hands, PlacesInHands
-from vctune.model.problem import Demands
 from vctune.proof.box_tests import misses_zero
 from vctune.proof.boxes import Cells, Values, over_hands, with_row
 from vctune.proof.claims.cases import COUPLING_SHARE, over

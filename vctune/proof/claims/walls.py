@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS, Number
-from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import (
     LEADS,
     Strip,

@@ -8,10 +8,10 @@ from dataclasses import replace
 from functools import partial
 from math import pi
 
+from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand, seen_in_limp_hand
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
