@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from functools import partial
 from math import isclose, isfinite
 from pathlib import Path
@@ -19,8 +20,10 @@ from servo_logs import servo_case
 import vctune
 from vctune.design.advice.prices import with_prices
 from vctune.design.design_record import design_record
-from vctune.document.reading import parse_problem
+from vctune.design.ros.admittance_check import check_parameters
+from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.records.design_json import design_of
+from vctune.document.ros import read_admittances
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures
 from vctune.report.experiments import simulation_figure
@@ -44,7 +47,7 @@ def plain(part: Any) -> Any:
     """Return a part of an answer as JSON without rounding errors of the last digits."""
     if isinstance(part, dict):
         return {str(key): plain(value) for key, value in part.items() if key not in ELSEWHERE}
-    if isinstance(part, list | tuple):
+    if isinstance(part, list | tuple | np.ndarray):
         return [plain(value) for value in part]
     if isinstance(part, float | np.floating):
         return float(f"{part:.{DIGITS}g}") if isfinite(part) else str(part)
@@ -96,9 +99,39 @@ def of_problem(name: str) -> Any:
     return told(design_record(file, with_prices(vctune.solve(file.problem))))
 
 
-def of_region(name: str) -> Any:
+def of_text(text: str) -> Any:
+    """Return what the design of a problem says, or a check of the design that it states."""
+    file = ProblemFile(parse_problem(text, "x", "x"), text)
+    return told(design_record(file, with_prices(vctune.solve(file.problem))))
+
+
+def of_bound(name: str, gap: float) -> Any:
+    """Return the proved bound of a problem."""
+    return asdict(vctune.bound(PROBLEMS / f"{name}.toml", gap=gap).optimality)
+
+
+def of_parameters() -> Any:
+    """Return what a check of an admittance controller of ROS says, on a servo and on an arm with gains."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ros.yaml"
+        path.write_text(PARAMETERS)
+        problems = [ProblemFile(parse_problem(text, "x", "x"), text) for text in (ARM, ROBOT)]
+        each = [check_parameters([one], path, read_admittances(path)[0], print) for one in problems]
+    return [[check.message, check.finding and check.finding.record()] for checks in each for check in checks]
+
+
+def of_loop(kind: str, seed: int) -> Any:
+    """Return the responses of a loop at some frequencies, and its state space."""
+    tables = POSED[kind](np.random.default_rng((931, list(POSED).index(kind), seed)))
+    judged = vctune.check(tables).finding.judgement
+    found = [getattr(judged.loop(judged.posed.problem.hands.middle), name) for name in ("L", "S", "Z_seen", "Z_c")]
+    each = [one.at([1.0, 30.0, 900.0]) for one in found]
+    return [[repr(one), *np.abs(one.values), *np.angle(one.values)] for one in each]
+
+
+def of_region(name: str, *axes: str) -> Any:
     """Return the cells of a region and its picture."""
-    found = vctune.region(PROBLEMS / f"{name}.toml", resolution=1 / 16)
+    found = vctune.region(PROBLEMS / f"{name}.toml", *axes, resolution=1 / 16)
     figure = region_figure(found.file.problem, found.region, found.designs, None, contours=True)
     return {"record": found.record(), "rows": list(found.rows()), "figure": list(drawn(figure))}
 
@@ -131,6 +164,109 @@ def of_simulation(name: str) -> Any:
     }
 
 
+ARM = """device = { mass = 10.0, damping = 20.0, sample_time = 1e-3, delay = 1e-3 }
+gains = { velocity = 800.0, position = 8000.0 }
+"""
+ROBOT = """device = { sample_time = 2e-3, servo = { delay = 0.006, bandwidth_hz = 8.0, order = 1 } }
+operator = { stiffness = { max = 400.0 } }
+"""
+PARAMETERS = """admittance_controller:
+  ros__parameters:
+    joints: [j1]
+    ft_sensor:
+      name: ft
+      filter_coefficient: 0.05
+    admittance:
+      selected_axes: [true, false, false, false, false, false]
+      mass: [5.0, 5.0, 5.0, 0.1, 0.1, 0.1]
+      damping_ratio: [2.5, 2.5, 2.5, 2.5, 2.5, 2.5]
+      stiffness: [50.0, 50.0, 50.0, 10.0, 10.0, 10.0]
+"""
+TEXTS = {
+    "late by samples": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3, delay = 2e-3 }
+gains = { velocity = 60.0, position = 900.0 }
+coupling = { damping = 200.0, mass = 0.5, drag = 15.0 }
+stability = { criterion = "hands" }
+uncertainty = { delay = 0.45 }
+""",
+    "springs": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3 }
+gains = { velocity = 100.0, position = 900.0 }
+coupling = { damping = 60.0, mass = 0.3, drag = 1.0 }
+operator = { mass = { max = 0.3 }, damping = { max = 10.0 }, stiffness = { max = 500.0 } }
+environment = { mass = { min = 0.1, max = 1.0 }, stiffness = { min = 100.0, max = 600.0 }, damping = { min = 0.5 } }
+stability = { criterion = "hands" }
+""",
+    "walls": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3 }
+gains = { velocity = 100.0, position = 900.0 }
+coupling = { damping = 20.0, mass = 0.3, drag = 0.2 }
+operator = { mass = { max = 0.3 }, damping = { max = 10.0 }, stiffness = { max = 500.0 } }
+environment = { mass = { min = 0.1, max = 1.0 }, stiffness = { max = 600.0 }, damping = { min = 0.5 }, walls = true }
+stability = { criterion = "hands" }
+""",
+    "nothing behind": """device = { mass = 2.0, damping = 5.0, sample_time = 1e-3, delay = 1e-3 }
+gains = { velocity = 120.0, position = 0.0 }
+coupling = { damping = inf }
+operator = { stiffness = { max = 500.0 } }
+environment = { mass = { max = 0.0 }, stiffness = { max = 0.0 } }
+stability = { criterion = "hands" }
+""",
+    "steps": """[device]
+display = "impedance"
+mass = 0.06
+damping = 0.1
+friction = 0.02
+sample_time = 1e-3
+velocity = { filter_hz = 60.0, resolution = 2e-5 }
+[coupling]
+damping = 0.8
+stiffness = 300.0
+[stability]
+criterion = "hands"
+""",
+    "flexible display": """[device]
+display = "impedance"
+mass = 0.3
+damping = 1.0
+sample_time = 1e-3
+structure = { handle_mass = 0.08, frequency_hz = 90.0, damping_ratio = 0.03 }
+[coupling]
+damping = 0.3
+stiffness = 30.0
+""",
+    "whole axis": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3, hold = "lag" }
+gains = { velocity = 100.0, position = 2000.0 }
+coupling = { damping = 60.0, mass = 0.3, drag = 6.0 }
+operator = { damping = { min = 0.5, max = 20.0 } }
+stability = { criterion = "passive", band_hz = [0.0, inf] }
+""",
+    "sections": """[device]
+mass = 0.4
+damping = 2.0
+sample_time = 1e-3
+velocity = { from = "difference", resolution = 1e-5, sections = [[0.2, 0.0, 0.0, 1.0, -0.8, 0.0]] }
+[stability]
+criterion = "hands"
+""",
+    "weak motor": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3 }
+gains = { velocity = { min = 1.0, max = 2.0 }, position = 5000.0 }
+""",
+    "drifting": """device = { mass = 0.4, damping = 2.0, sample_time = 1e-3 }
+gains = { velocity = 0.0, position = 0.0 }
+coupling = { damping = 20.0, mass = 0.3, drag = 0.0 }
+stability = { criterion = "hands" }
+""",
+}
+SOLVED = (
+    "friction-wheel", "infeasible", "knob", "wall", "paddle", "arm-contact", "friction-wheel-hands", "delta-4khz",
+    "friction-wheel-uncertain", "keemink", "desktop-arm", "desktop", "encoder", "flexible-handle", "late-arm",
+    "extremes/everything", "extremes/peak", "../tests/reference/worlds/world-tools", "cobot-wrist",
+    "../tests/reference/real/real-everything", "../tests/reference/servo/servo-position",
+    "../tests/reference/hands/hands-everything",
+)  # fmt: skip
+REGIONS: dict[str, tuple[str, ...]] = {
+    "friction-wheel": (), "wall": (), "friction-wheel-hands": (), "paddle": ("coupling.damping", "coupling.stiffness"),
+    "late-arm": ("coupling.mass", "coupling.drag"),
+}  # fmt: skip
 QUICK = {
     "both": (5, 1), "band": (3, 0), "band, disc": (4,), "band, uncertain": (4, 2), "hands": (1, 0, 5),
     "hands, weak": (3, 5), "hands, uncertain": (20, 11), "hands, nothing behind": (4, 0),
@@ -142,11 +278,14 @@ QUICK = {
 """Draws of each kind that are judged in few seconds, violated ones among them."""
 ANSWERS: dict[str, Callable[[], Any]] = {
     **{f"design: {kind} {seed}": partial(of_design, kind, seed) for kind, seeds in QUICK.items() for seed in seeds},
-    **{f"problem: {name}": partial(of_problem, name) for name in (
-        "friction-wheel", "infeasible", "knob", "wall", "paddle", "arm-contact", "friction-wheel-hands",
-        "friction-wheel-uncertain", "keemink", "desktop-arm", "desktop",
-    )},
-    **{f"region: {name}": partial(of_region, name) for name in ("friction-wheel", "wall", "friction-wheel-hands")},
+    **{f"problem: {name}": partial(of_problem, name) for name in SOLVED},
+    **{f"text: {name}": partial(of_text, text) for name, text in TEXTS.items()},
+    **{f"region: {name}": partial(of_region, name, *axes) for name, axes in REGIONS.items()},
+    "bound: wheel": partial(of_bound, "friction-wheel", 0.1),
+    "bound: hands": partial(of_bound, "friction-wheel-hands", 0.3),
+    "bound: display": partial(of_bound, "desktop-arm", 0.3),
+    "ros": of_parameters,
+    "loop": partial(of_loop, "hands", 1),
     "sweep: damping": partial(of_sweep, "friction-wheel", "device.damping", 0.5, 2.0, 8.0),
     "sweep: late": partial(of_sweep, "arm-contact", "device.servo.delay", 0.005, 0.01),
     "sweep: mass": partial(of_sweep, "friction-wheel-hands", "device.mass", 0.3, 0.4, 0.5),
