@@ -89,39 +89,10 @@ def bad_files() -> dict[str, list[list[Any]]]:
     return found
 
 
-def bound() -> list[float]:
-    """Return the error of the best design of the friction wheel and its proved bound."""
-    found = vctune.bound(ROOT / "problems/friction-wheel.toml", gap=0.02).optimality
-    return [found.bound, found.gap]
-
-
-def swept() -> list[list[Any]]:
-    """Return the status and the error of the friction wheel over its damping."""
-    rows = vctune.sweep(ROOT / "problems/friction-wheel.toml", {"device.damping": [0.5, 2.0, 8.0]}).table.rows()
-    return [[row["status"], row["error"]] for row in rows]
-
-
-def region() -> dict[str, float]:
-    """Return the shares of a plane of gains that are proved feasible and infeasible, and left undecided."""
-    found = vctune.region(ROOT / "problems/friction-wheel.toml", resolution=1 / 32)
-    return dict(found.areas)
-
-
-def simulation() -> dict[str, Any]:
-    """Return the measures of each experiment with the recorded gains of the friction wheel."""
-    folder = ROOT / "tests/gains"
-    found = vctune.simulate(ROOT / "problems/friction-wheel.toml", folder / "friction-wheel.toml").record()
-    return {
-        each["name"]: {name: value for name, value in each["design"]["metrics"].items() if isinstance(value, float)}
-        for each in found["experiments"]
-    }
-
-
 def answers() -> dict[str, Any]:
     """Return every answer, by the name of its problem."""
     found: dict[str, Any] = {
-        "region": region(), "simulation": simulation(), "bad files": bad_files(), "bound": bound(), "sweep": swept(),
-        "limits": {name: limit(name) for name in LIMITS},
+        "bad files": bad_files(), "limits": {name: limit(name) for name in LIMITS},
     }  # fmt: skip
     for path in DESIGNS:
         one = answer(path)

@@ -1,11 +1,11 @@
-"""The answers that were right stay: verdicts near the limit, errors, regions and simulations, through public names."""
+"""The answers that were right stay: verdicts near the limit and errors, through public names."""
 
 from __future__ import annotations
 
 import json
 
 import pytest
-from answers import DESIGNS, FILE, answer, bad_files, bound, coupling_of, name_of, near, region, simulation, swept
+from answers import DESIGNS, FILE, answer, bad_files, coupling_of, name_of, near
 from conftest import ROOT, mostly_slow
 from limits import BESIDE, HANDS, LIMITS, WHEEL, passes
 
@@ -17,7 +17,7 @@ FAST = DESIGNS[::16]
 OPEN = WHEEL + "[gains]\nvelocity = 60.0\nposition = 0.0\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.0\n" + HANDS
 GOLDEN = json.loads(FILE.read_text())
 WORSE = 1e-4
-"""Relative increase of an error, or of an undecided area, above which an answer is worse; better ones are welcome."""
+"""Relative increase of an error above which an answer is worse; better ones are welcome."""
 
 
 def agree(then: str, now: str) -> bool:
@@ -82,27 +82,3 @@ def test_what_is_left_open_is_not_called_proved():
 
 def test_a_mistake_has_its_code_its_key_and_its_line():
     assert bad_files() == GOLDEN["bad files"]
-
-
-def test_a_bound_is_as_tight_as_it_was():
-    (lower, gap), now = GOLDEN["bound"], bound()
-    assert now[0] >= lower * (1 - WORSE) and now[1] <= max(gap, 0.02)
-
-
-def test_the_rows_of_a_sweep_are_as_good_as_they_were():
-    for (status, error), (now, found) in zip(GOLDEN["sweep"], swept(), strict=True):
-        assert (now, found) == (status, pytest.approx(error, rel=1e-5))
-
-
-def test_a_region_is_as_large_as_it_was():
-    then, now = GOLDEN["region"], region()
-    for kind in ("feasible", "infeasible"):
-        assert now[kind] >= then[kind] * (1 - WORSE)
-
-
-@pytest.mark.slow
-def test_a_simulation_measures_what_it_measured():
-    then, now = GOLDEN["simulation"], simulation()
-    assert now.keys() == then.keys() and now
-    for name, measures in then.items():
-        assert now[name] == pytest.approx(measures, rel=1e-6, abs=1e-9)

@@ -1,16 +1,14 @@
-"""Estimate the stability of both loops on grids, and the stability boundary, for the search. The estimates are not
-proofs. See model/README.md, section 7."""
+"""Estimate the stability of both loops on grids, for the search: no proofs. See model/README.md, section 7."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.extrema import Floats, local_minima, with_resonance
+from vctune.analysis.extrema import Floats, with_resonance
 from vctune.analysis.sampled_loop import Complex, plant_of
 from vctune.model.device import Device
 from vctune.model.gains import Gains
@@ -23,9 +21,6 @@ from vctune.model.sampled.velocity_loop import ReturnDifference, return_differen
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46  # Grid for counting turns
 TOO_CLOSE = 0.03  # Least |F| with which the code relies on the grid
 LARGEST_TURN = 1.0  # Greatest turn of F between neighbouring angles for which the code relies on the grid, rad
-# Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing
-CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-DIFFERENCE = 1e-4  # Relative step of the central difference in theta that gives the direction of a cut
 
 # The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad
 Curve = Callable[[Floats, Floats, Floats], Complex]
@@ -104,70 +99,3 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
             return None
         stable &= bool(turns[0] < LARGEST_TURN and abs(turns[-1] - np.angle(F[-1])) < LARGEST_TURN and F[-1].real > 0)
     return stable
-
-
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0."""
-
-    open: float
-    velocity: float
-    position: float
-
-
-def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
-    """Return the tangent to the stability boundary between a stable and an unstable pair of gains."""
-    position = inside.position > 0 or outside.position > 0
-    for curve in (sampled_curve(device, position=position), model_curve(device)):
-        crossing = _crossing(curve, angles(device), inside, outside)
-        if crossing is not None:
-            theta = _lowest(curve, angles(device), crossing)
-            step = DIFFERENCE * theta
-            slope = _at(curve, theta + step, crossing) - _at(curve, theta - step, crossing)
-            return _cut(curve, theta, inside, 1j * slope / abs(slope), level)
-    return None
-
-
-def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from the number at `inside`."""
-    low, high = 0.0, 1.0
-    for _ in range(CROSSING_ROUNDS):
-        t = np.linspace(low, high, CROSSING_POINTS)[:, None]
-        between = _between(inside, outside, t)
-        turns = np.unwrap(np.angle(curve(theta, between.velocity, between.position)), axis=-1)[:, -1]
-        differs = np.abs(turns - turns[0]) > np.pi / 2
-        if not differs.any():
-            return None
-        first = int(np.argmax(differs))
-        low, high = float(t[first - 1, 0]), float(t[first, 0])
-    return _between(inside, outside, (low + high) / 2)
-
-
-def _between(a: Gains, b: Gains, t: Floats | float) -> Gains:
-    return Gains(a.velocity + t * (b.velocity - a.velocity), a.position + t * (b.position - a.position))
-
-
-def _lowest(curve: Curve, grid: Floats, gains: Gains) -> float:
-    """Return the angle at which |F| is least."""
-    K_v, K_p = np.array(gains.velocity), np.array(gains.position)
-
-    def square(theta: Floats) -> Floats:
-        F = curve(theta, K_v, K_p)
-        return F.real * F.real + F.imag * F.imag
-
-    return float(local_minima(square, grid).omega[0])
-
-
-def _at(curve: Curve, theta: float, gains: Gains) -> complex:
-    return complex(curve(np.array(theta), np.array(gains.velocity), np.array(gains.position)))
-
-
-def _cut(curve: Curve, theta: float, inside: Gains, normal: complex, level: float) -> Cut | None:
-    """Return the half plane Re(F(theta) conj(normal)) >= level, with the normal towards the stable side."""
-    if (_at(curve, theta, inside) * normal.conjugate()).real < 0:
-        normal = -normal
-    open_loop = _at(curve, theta, Gains(0.0, 0.0)) * normal.conjugate()
-    velocity = _at(curve, theta, Gains(1.0, 0.0)) * normal.conjugate() - open_loop
-    position = _at(curve, theta, Gains(0.0, 1.0)) * normal.conjugate() - open_loop
-    cut = Cut(open_loop.real - level, velocity.real, position.real)
-    return cut if np.isfinite([cut.open, cut.velocity, cut.position]).all() else None

@@ -377,7 +377,6 @@ def active(solved: Solved) -> list[ActiveRecord]:
     # the demand and the place of each constraint, in the order of the NLP
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", place) for place in at.ratio]
     where += [("|S| <= max_sensitivity", place) for place in at.sensitivity]
-    where += [("stability of the sampled loop", None)] * len(at.stability)
     where += [("greatest error", place) for place in at.peak]
     where += [("|1 - S| r < 1 of the unmodelled dynamics", place) for place in at.unmodelled]
     for place in at.in_hand:

@@ -169,8 +169,6 @@ def constants(given: Posed, points: WorkingSet, tightening: float, *, position: 
         found["ratio"] = at_frequencies(*stacked(points.ratio))
     if points.sensitivity:
         found["sensitivity"] = pulses(points.sensitivity, position=position)
-    if points.stability:
-        found["stability"] = tuple(np.array([(each.open, each.velocity, each.position) for each in points.stability]).T)
     if points.peak:
         found["peak"] = at_frequencies(*stacked(points.peak))
     if points.unmodelled:
@@ -303,11 +301,6 @@ def _unmodelled(at: Perturbed, sought: Sought) -> Number:
     return (ca.log(L.plus(1).abs2()) - ca.log(L.abs2())) / 2 - at.log_radius
 
 
-def _stability(cut: tuple[Number, Number, Number], sought: Sought) -> Number:
-    open_loop, velocity, position = cut
-    return open_loop + sought.gains.velocity * velocity + sought.gains.position * position
-
-
 def tracked_peak(plant: PlantLetGo, y: Number, sought: Sought) -> Number:
     """Return -log |S| at omega = exp(y), and the slope of log |S|, which is 0 at a peak."""
     parts = return_difference(plant, ca.exp(y), CASADI, position=not CASADI.is_zero(sought.gains.position))
@@ -383,7 +376,6 @@ def _greatest(margins: list[Number], alike: int) -> Number:
 MARGINS: dict[str, Callable[[Any, Sought], Number]] = {
     "ratio": _ratio,
     "sensitivity": _sensitivity,
-    "stability": _stability,
     "peak": lambda at, sought: sought.epigraph - ca.log(error2(at, sought)) / 2,
     "unmodelled": _unmodelled,
     "in_hand": _in_hand,

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,7 +23,6 @@ from vctune.design.prepared import Posed
 from vctune.design.variables import CORNER, Coordinate, Point, coupling_from
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import Gains
-from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS, Terms, log_quadrature
 
 # Options of IPOPT
@@ -48,9 +46,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-# Steps in which the slots of each kind of constraint grow in number, in the order of `CONSTRAINT_KINDS`; for hands with
-# a box of environments another
-STEPS, IN_WORLDS = (12, 12, 4, 12, 12, 12), 36
+# Step in which the slots of each kind of constraint grow in number, and that for hands with a box of environments
+STEP, IN_WORLDS = 12, 36
 NEAR_SIDE = 1e-2  # Distance within which a point counts as lying on a side of the trust box
 TRACKING_REACH = 0.5  # Greatest change of the log frequency of a tracked peak of |S| in one NLP
 
@@ -104,10 +101,8 @@ def stated(
         trees["node"], columns["node"] = nodes[0], columns_of(nodes)
     found = constants(posed, points, tightening, position=integrator)
     sizes = dict(zip(CONSTRAINT_KINDS, points.sizes(), strict=True))
-    slots = {kind: -(-sizes[kind] // step) * step for kind, step in zip(CONSTRAINT_KINDS, _steps(problem), strict=True)}
-    if slots["sensitivity"]:  # if |S| is near its limit, so is the stability boundary
-        slots["stability"] = max(slots["stability"], STEPS[2])
-        found.setdefault("stability", (np.zeros(1),) * 3)
+    steps = dict.fromkeys(CONSTRAINT_KINDS, STEP) | ({} if problem.worlds is None else {"in_hand": IN_WORLDS})
+    slots = {kind: -(-sizes[kind] // step) * step for kind, step in steps.items()}
     for kind, tree in found.items():
         known = columns_of([tree])
         trees[kind] = tree
@@ -151,10 +146,6 @@ def stated(
         least=np.concatenate((*least, peaks, means)),
         most=np.concatenate(most),
     )
-
-
-def _steps(problem: Problem) -> Sequence[int]:
-    return STEPS if problem.worlds is None else (*STEPS[:-1], IN_WORLDS)
 
 
 @lru_cache(maxsize=16)

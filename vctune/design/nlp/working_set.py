@@ -10,7 +10,6 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import AtWall
-from vctune.analysis.stability import Cut
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.gains import AnyCoupling, Gains
@@ -76,17 +75,16 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 
 # The kinds of constraint, in the order of `WorkingSet.sizes`
-CONSTRAINT_KINDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
+CONSTRAINT_KINDS = ("ratio", "sensitivity", "peak", "unmodelled", "in_hand")
 TIGHTENING_IN_HANDS = 1e-4  # Least relative tightening of the constraint in hands
 
 
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """The points at which the NLP imposes the constraints, and half planes of gains that keep the loop stable."""
+    """The points at which the NLP imposes the constraints."""
 
     ratio: list[ConstraintPoint] = field(default_factory=list)  # points for Re Z_c >= safety_factor R
     sensitivity: list[ConstraintPoint] = field(default_factory=list)  # points for |S| <= max_sensitivity
-    stability: list[Cut] = field(default_factory=list)  # tangents of the stability boundary
     peak: list[ConstraintPoint] = field(default_factory=list)
     tracked_peaks: list[ConstraintPoint] = field(default_factory=list)  # points where |S| peaks near its limit
     unmodelled: list[ConstraintPoint] = field(default_factory=list)  # points for |1 - S| r < 1
@@ -104,7 +102,7 @@ class WorkingSet:
 
     def sizes(self) -> tuple[int, ...]:
         """Return the number of constraints of each kind, in the order of `CONSTRAINT_KINDS`."""
-        points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
+        points = self.ratio, self.sensitivity, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 
     def copy(self) -> WorkingSet:
@@ -131,7 +129,6 @@ class WorkingSet:
         return WorkingSet(
             ratio=moved(self.ratio, time),
             sensitivity=moved(self.sensitivity),
-            stability=self.stability,
             peak=moved(self.peak, time),
             tracked_peaks=moved(self.tracked_peaks),
             unmodelled=moved(self.unmodelled),

@@ -11,7 +11,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_worlds import corner_of
-from vctune.analysis.stability import clearly_stable, stability_cut
+from vctune.analysis.stability import clearly_stable
 from vctune.design.nlp.nlp import NEAR_SIDE, solve, stated
 from vctune.design.nlp.solution import Polished, Solution
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
@@ -35,8 +35,6 @@ from vctune.running import OutOfTimeError, check_time
 
 # Factors of K_p, or of both gains, that the search tries until the loops of a start are stable (`stable`)
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-STABILITY_MARGIN = 1e-4  # Least distance of a design from the stability boundary, as a share of the open loop's F
-MAX_CUTS = 24  # Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
@@ -64,16 +62,6 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
     if estimate is not None:
         return estimate
     return stable_loop(device, gains, model=True) is True
-
-
-def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """Add a tangent of the stability boundary where a step crosses it."""
-    cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
-    new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]
-    if len(working_set.stability) + len(new) > MAX_CUTS:
-        return False
-    working_set.stability.extend(new)
-    return bool(new)
 
 
 TIGHTENING = 1e-6  # Relative tightening of the constraints
@@ -105,22 +93,6 @@ def polish(
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
     design."""
-    return _exchanged(
-        posed, start, scanned, incumbent=incumbent, tightening=tightening, witnesses=witnesses, demands=demands
-    )
-
-
-def _exchanged(
-    posed: Posed,
-    start: Start,
-    scanned: ScanResult,
-    *,
-    incumbent: float,
-    tightening: float,
-    witnesses: WorkingSet | None,
-    demands: WorkingSet | None,
-) -> Polished | None:
-    """Run one exchange from one start; `polish` describes the arguments."""
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
     refuted = dict.fromkeys(point.device for point in seen)
@@ -177,7 +149,6 @@ class _Search:
     missed: float = 0.0  # greatest violation of the last answer
     trail: list[float] = field(default_factory=list)  # greatest violation of each answer with stable loops
     start_examined: bool = False  # whether the exchange has evaluated the start as a known design
-    unstable: bool = False  # whether the last answer was unstable
     finished: bool = False
 
 
@@ -193,20 +164,16 @@ def _step(posed: Posed, search: _Search) -> None:
     solution = solve(given)
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
-    unstable = next((case for case in of_own_loops(search.cases) if not stable(case, gains)), None)
+    sound = all(stable(case, gains) for case in of_own_loops(search.cases))
     settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
-    search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
+    search.finished = sound and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
     demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
     search.rounds.append(solution)
-    if unstable is not None:
-        cut = add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains)
-        if not cut or search.unstable:
-            search.radius /= 2
-        search.unstable, search.warm_start = True, search.reference
+    if not sound:
+        search.radius, search.warm_start = search.radius / 2, search.reference
         return
-    search.unstable = False
     asked = working_set.copy()
     _track_peak(working_set, demands.near_peak)
     joined, admissible = _add_violated(working_set, demands), demands.positive and demands.greatest == 0
