@@ -19,7 +19,10 @@ from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
+from vctune.proof.claims.any_hand import ANY_HAND
+from vctune.proof.claims.band import PASSIVE
 from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.hands import HANDS
 
 Indices = NDArray[np.intp]
 # Number of loops whose arrays, with a hundred hands at a hundred angles each, fit into the processor's cache
@@ -32,7 +35,7 @@ class Requirement:
 
     claim: ClaimId
     device: Device
-    places: Floats  # omega, rad/s, for "passive"; otherwise theta = omega T, rad
+    places: Floats  # omega, rad/s, on the band; otherwise theta = omega T, rad
     # R in the worst hand, shape (designs, places): of Re Z_c, N s/m, or of Re(1/Z_c)/sin^2(theta/2), m/(N s); inf where
     # no coupling suffices, nan or not positive where every coupling does
     required: Floats
@@ -42,11 +45,11 @@ class Requirement:
     @property
     def omega(self) -> Floats:
         """The frequencies that the coupling sees, rad/s: those of the firmware's integrator for a sampled loop."""
-        return self.places if self.claim == "passive" else np.tan(self.places / 2) * (2 / self.device.sample_time)
+        return self.places if self.claim == PASSIVE.id else np.tan(self.places / 2) * (2 / self.device.sample_time)
 
     def offered(self, coupling: AnyCoupling) -> Floats:
         """Return what a coupling offers, in the unit of `required`."""
-        if self.claim == "passive":
+        if self.claim == PASSIVE.id:
             return np.asarray(coupling_impedance(series_coupling(coupling), self.places).re)
         return np.asarray(offered(coupling, self.device, self.places, FLOATS))
 
@@ -75,13 +78,13 @@ def on_band(device: Device, gains: Gains, omega: Floats) -> Requirement:
     loop = response(device, gains, omega)
     with np.errstate(all="ignore"):
         required = np.where(loop.resistance > 0, required_resistance(loop, FLOATS), inf)
-    return Requirement("passive", device, omega, np.atleast_2d(required))
+    return Requirement(PASSIVE.id, device, omega, np.atleast_2d(required))
 
 
 def in_any_hand(device: Device, gains: Gains, per_decade: int = PER_DECADE) -> Requirement:
     """Return the requirement of any passive hand on an impedance display."""
     loops = loops_in_any_hand(device, per_decade)
-    return Requirement("any_hand", device, loops.theta, loops.required(gains))
+    return Requirement(ANY_HAND.id, device, loops.theta, loops.required(gains))
 
 
 def in_hands(device: Device, hands: Hands, gains: Gains, per_decade: int = PER_DECADE) -> Requirement:
@@ -92,7 +95,7 @@ def in_hands(device: Device, hands: Hands, gains: Gains, per_decade: int = PER_D
     parts = np.array_split(distinct, range(LOOPS_AT_ONCE, len(distinct), LOOPS_AT_ONCE))
     found = [_worst(loops, Gains(*part.T[:, :, None, None])) for part in parts]
     required, worst = (np.concatenate(part)[position.ravel()] for part in zip(*found, strict=True))
-    return Requirement("hands", device, loops.theta, required, loops.hands, worst)
+    return Requirement(HANDS.id, device, loops.theta, required, loops.hands, worst)
 
 
 def _worst(loops: LoopsInHands, gains: Gains) -> tuple[Floats, Indices]:

@@ -16,13 +16,14 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
 from vctune.model.rest import read_in_steps, rests, settles, step_of_damper, stiffness_read
-from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.any_hand import WALL_IN_ANY_HAND
+from vctune.proof.claims.rest import RESTS
 from vctune.proof.outcome import Verdict
 
 REST = "the chatter at rest"  # Name of a part that a time limit may leave out
 # Shares of the range of stiffness, with which the hardest vertex is softened: the worst spring lies inside the range
 SOFTER = (0.001, 0.01, 0.03, 0.1, 0.3, 0.6)
-AT_THE_PORT: ClaimId = "wall_in_any_hand"  # The claim that the port of the handle is passive, its errors apart
+AT_THE_PORT = WALL_IN_ANY_HAND.id  # The claim that the port of the handle is passive, its errors apart
 
 
 def rest_record(problem: Problem, judgement: Judgement, buzzes: BuzzRecord | None) -> RestRecord | None:
@@ -49,7 +50,7 @@ def rest_record(problem: Problem, judgement: Judgement, buzzes: BuzzRecord | Non
             found["settles"] = True
         elif buzzes is not None and buzzes.moving:
             found["settles"] = False
-    if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != "rests"):
+    if all(of.verdict is Verdict.PROVED for claim, of in outcomes.items() if claim != RESTS.id):
         found["encoder"] = _chatter("encoder", problem, judgement, q)
         found["force_sensor"] = _chatter("force sensor", problem, judgement, q_f)
     return RestRecord(**{name: value for name, value in found.items() if value is not None})

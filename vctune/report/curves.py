@@ -19,6 +19,7 @@ from vctune.model.hands import Hands
 from vctune.model.numbers.units import hertz
 from vctune.model.problem import Band, Problem
 from vctune.model.worlds import World
+from vctune.proof.claims.band import PASSIVE
 from vctune.proof.claims.claim import ClaimId
 
 POINTS = 400  # Number of frequencies of a curve without a resonance
@@ -103,7 +104,7 @@ def _curves(
         claim=first.claim,
         name=f"Re {kind.couples}",
         unit=kind.coupling_unit(problem.units),
-        hz=places / (2 * pi * (1.0 if first.claim == "passive" else problem.device.sample_time)),
+        hz=places / (2 * pi * (1.0 if first.claim == PASSIVE.id else problem.device.sample_time)),
         offered=scale * replace(first, places=places).offered(coupling) + 0 * places,
         required=np.fmax.reduce([shown(each) for each in of]),
         others={name: shown(each) for name, each in others.items()},

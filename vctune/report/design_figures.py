@@ -15,6 +15,9 @@ from vctune.document.records.felt_json import weighed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
+from vctune.proof.claims.any_hand import ANY_HAND
+from vctune.proof.claims.band import PASSIVE
+from vctune.proof.claims.hands import HANDS
 from vctune.report.curves import Required, requirements
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.style import BLUE, GREY, RED, STYLE, WIDTH, in_place, legend_above, place, quantity, shade
@@ -23,7 +26,7 @@ from vctune.report.templates import Shown, words
 
 # Names of the terms of the error in words
 IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coupling": "gives way"}
-NAMES = {"hands": "hands", "any_hand": "any-hand", "passive": "llewellyn"}  # File of the requirement of each claim
+NAMES = {HANDS.id: "hands", ANY_HAND.id: "any-hand", PASSIVE.id: "llewellyn"}  # File of the requirement of each claim
 DrawnDesign = tuple[Problem, Gains, AnyCoupling]
 
 
@@ -64,7 +67,7 @@ def _stamp(figure: Figure, words: str) -> None:
 
 
 def _requirement(design: DrawnDesign, record: DesignRecord, drawn: Required) -> Shown:
-    hands, figure = drawn.claim == "hands", Figure(figsize=(WIDTH, 5.0))
+    hands, figure = drawn.claim == HANDS.id, Figure(figsize=(WIDTH, 5.0))
     upper, lower = figure.subplots(2, 1, sharex=True)
     draw_required(upper, *design, drawn)
     draw_ratio(lower, *design, drawn)

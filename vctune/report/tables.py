@@ -17,8 +17,12 @@ from vctune.model.numbers.units import OF_KEYS, hertz
 from vctune.model.parts import PART_NUMBERS, PARTS
 from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
+from vctune.proof.claims.band import ALONE
 from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.poles import STABLE
 from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
+from vctune.proof.claims.sensitivity import SENSITIVITY, UNMODELLED
+from vctune.proof.claims.walls import WALLS
 from vctune.report.curves import Required
 from vctune.report.style import in_place, limit, quantity
 
@@ -131,15 +135,15 @@ def _hands(problem: Problem) -> list[Line]:
 def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequence[Required]) -> tuple[str, str]:
     """Return the computed value of a claim, rounded to the safe side, and its limit, as texts."""
     loop, proof, units, stability = record.inner_loop, record.certificate, record.units, problem.stability
-    if claim == "unmodelled" and record.design is not None:
+    if claim == UNMODELLED.id and record.design is not None:
         return f"peak {limit(float(-unmodelled_maxima(problem, record.design[0]).value[0]), up=True)}", "< 1"
-    if claim == "alone" and record.design is not None:
+    if claim == ALONE.id and record.design is not None:
         minima = (ratio_minima(case, *record.design) for case in pose(problem).cases)
         ratio, at = min((float(each.value[0]), float(each.omega[0])) for each in minima)
         return f"least ratio {in_place(ratio, hertz(at))}", f"≥ {stability.safety_factor:g}"
-    if claim == "sensitivity" and loop is not None:
+    if claim == SENSITIVITY.id and loop is not None:
         return f"peak {peak_in_words(loop)}", f"≤ {stability.max_sensitivity:g}"
-    if claim == "stable" and loop is not None:
+    if claim == STABLE.id and loop is not None:
         return "; ".join([str(limit(loop.spectral_radius, up=True)), *margins_in_words(loop)]), "< 1"
     hands, where = proof.hands if proof is not None else None, ""
     least: Required | HandsRecord | WallsRecord | WallRecord | None
@@ -148,7 +152,7 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
         least, hand = proof.wall, proof.wall.worst_hand
         where = "" if hand is None else f", in the hand of {hand.in_words(units)}"
     if hands is not None and claim in IN_HANDS:
-        least = hands.walls if claim == "walls" and hands.walls is not None else hands
+        least = hands.walls if claim == WALLS.id and hands.walls is not None else hands
         where = f", in the hand of {least.worst_hand.in_words(units)}"
         if isinstance(least, WallsRecord):
             where += f"; multiplier with its corner at {quantity(least.corner_hz, 'Hz')}"
