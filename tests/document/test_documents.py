@@ -14,6 +14,7 @@ from conftest import PROBLEM_FILES, ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vctune.design.uncertain import device_box
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.schema.problem_schema import json_schema
@@ -24,7 +25,6 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Range
-from vctune.proof.device_box import device_box
 
 BAD = ROOT / "tests/bad"
 SERVO = """
