@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from math import inf, pi
 from typing import Any
 
@@ -26,7 +26,10 @@ def statement(problem: Problem) -> dict[str, Any]:
     rule = [(["coupling", "rule"], device.rule)] if device.rule != "trapezoid" else []
     constraints = {"safety_factor": stability.safety_factor, "criterion": stability.criterion}
     constraints |= {"max_sensitivity": stability.max_sensitivity} if device.kind.own_loop else {}
-    constraints |= {"rest": True} if stability.rest else {}
+    constraints |= {
+        each.name: value for each in fields(stability) if (value := getattr(stability, each.name)) != each.default
+        if each.name not in ("band", "safety_factor", "max_sensitivity")
+    }  # fmt: skip
     uncertainty: dict[str, Any] = {}
     radii = device.servo.radii if device.servo is not None else ()
     if problem.uncertainty is not None:

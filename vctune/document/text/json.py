@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
@@ -127,8 +127,9 @@ def problem_digest(problem: Problem) -> str:
     del stated["hands"]["tool"]  # the hands include it
     if problem.hands_met is None:
         del stated["hands"]
-    if problem.uncertainty is not None and not problem.uncertainty.ranges:
-        del stated["uncertainty"]["ranges"]
+    _drop_defaults(stated["stability"], problem.stability, kept=("criterion",))
+    if problem.uncertainty is not None:
+        _drop_defaults(stated["uncertainty"], problem.uncertainty, kept=("unmodelled",))
     if not problem.rigid:
         del stated["rigid"]
     if problem.device.rule == "trapezoid":
@@ -138,8 +139,6 @@ def problem_digest(problem: Problem) -> str:
     (stated["device"]["servo"] or {}).pop("max_acceleration", None)  # no design depends on it
     if problem.device.friction is None:
         del stated["device"]["friction"]
-    if not problem.stability.rest:
-        del stated["stability"]["rest"]
     sensor, velocity = (stated["device"][part] or {} for part in ("force_sensor", "velocity"))
     sensor.pop("resolution", None)  # no design depends on it
     if resolution := velocity.pop("resolution", None):
@@ -150,6 +149,14 @@ def problem_digest(problem: Problem) -> str:
         if part and part[key] is None:
             del part[key]
     return digest(stated)
+
+
+def _drop_defaults(stated: dict[str, Any], table: Any, kept: Sequence[str]) -> None:
+    """Delete the fields at their defaults: a key that a later version adds does not change the digest of a file that
+    does not have it. Those to be kept were always counted."""
+    for each in fields(table):
+        if each.name not in kept and getattr(table, each.name) == each.default:
+            del stated[each.name]
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:

@@ -9,16 +9,14 @@ from math import pi
 
 import numpy as np
 
-from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
-from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.impedance_display import Required
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import Values, with_row
-from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
+from vctune.proof.claims.cases import COUPLING_SHARE, Case, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question
 from vctune.proof.claims.covered import CELL, Covered, held, in_rad_per_s, negative
 from vctune.proof.claims.delays import Ends, Part
@@ -26,15 +24,15 @@ from vctune.proof.claims.envelope import above_envelope, have_the_same_gains
 from vctune.proof.claims.in_hands import (
     NEAR_ENDS,
     Asked,
-    Fails,
     Tests,
     and_without_reserve,
     and_without_reserve_in_cells,
+    certainly,
     decided,
     ends_of,
     uncertain_in,
 )
-from vctune.proof.enclosures.intervals import Enclosure, Flags, surely_negative
+from vctune.proof.enclosures.intervals import Flags
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import prove
 
@@ -70,36 +68,29 @@ def _any_hand(case: Case, theta: Number) -> AnyHand:
 
 def _prove_any_hand(question: Question) -> Outcome:
     """Prove Re 1/Z_c > factor R of an impedance display in any passive hand."""
-
-    def fails(design: Design, _hand: Hand | None, theta: float, _share: float) -> bool:
-        return surely_negative(any_hand_margin(exact_case(design, question.demands), Enclosure(theta)))
-
     asked = [any_hand_margin, any_hand_size] if question.design.gains.velocity > 0 else [any_hand_margin]
-    return and_without_reserve(_decided(question, asked, fails), _prove_any_hand, question)
+    return and_without_reserve(_decided(question, asked), _prove_any_hand, question)
 
 
 def _prove_wall(question: Question, _known: Outcomes) -> Outcome:
     """Prove the coupling as a wall in any passive hand."""
-
-    def fails(design: Design, _hand: Hand | None, theta: float, share: float) -> bool:
-        there = exact_case(design, question.demands, share=share)
-        return surely_negative(any_hand_before_wall(there, Enclosure(theta)))
-
     rows: Ends = {}
     if question.design.device.structure is not None:  # else a weaker wall is stable if this one is
         rows[COUPLING_SHARE] = np.zeros(1), np.ones(1)
-    return _decided(question, [any_hand_before_wall], fails, rows)
+    return _decided(question, [any_hand_before_wall], rows)
 
 
 def _decided(
     question: Question,
     margins: Sequence[Callable[[Case, Number], Number]],
-    fails: Fails,
     rows: Ends | None = None,
 ) -> Outcome:
-    """Prove that margins are positive in any passive hand; without damping of the motor, its responses in all of them
-    have no bound: at no frequency if the device is rigid, else at rest."""
-    design, demands, device = question.design, question.demands, question.design.device
+    """Prove that margins are positive in any passive hand; where the first is negative, the claim is refuted.
+
+    Without damping of the motor, its responses in all of them have no bound: at no frequency if the device is rigid,
+    else at rest.
+    """
+    design, device, fails = question.design, question.design.device, certainly(question, margins[0])
     if device.structure is None and device.least_damping == 0:
         return Outcome(Verdict.REFUTED, 0, pi / device.sample_time)
     if _unbounded(device):
@@ -108,7 +99,7 @@ def _decided(
         return in_rad_per_s(Outcome(verdict, 0, theta or pi * NEAR_ENDS[-1]), device)
 
     def tests(part: Part, fixed: Values) -> Tests:
-        each = (over(margin, demands, uncertain_in(question.box), part.delays) for margin in margins)
+        each = (over(margin, question.demands, uncertain_in(question.box), part.delays) for margin in margins)
         return [(positive(margin, fixed), None) for margin in each]
 
     return decided(Asked(question, tests, fails), ends_of(None, question.box) | (rows or {}))

@@ -73,7 +73,8 @@ class Claim:
     id: ClaimId
     # the statement; {couples} stands for Z_c or 1/Z_c, {spring} for k_c or K_p, {passive} for "any passive hand"
     sentence: str
-    quantity: Quantity  # the limited quantity, by the name that the search's constraints use
+    # the limited quantity, by the name that the search's constraints use; "ratio" and "in_hand" are of the coupling
+    quantity: Quantity
     margin: Callable[..., Any]  # function that is positive, or a curve that makes no turn around 0
     witness: str  # description of the place where the claim fails
     label: str  # heading of the claim's row in a report

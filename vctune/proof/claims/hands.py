@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from vctune.model.demands import Demands
-from vctune.model.design import Design
-from vctune.model.hands import HAND, Hand
+from vctune.model.hands import HAND
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import KEYS
@@ -31,7 +30,7 @@ from vctune.proof.boxes import (
     joined,
     over_hands,
 )
-from vctune.proof.claims.cases import Case, exact_case, over
+from vctune.proof.claims.cases import Case, over
 from vctune.proof.claims.claim import Claim, Question
 from vctune.proof.claims.covered import BAND_RATIO, Covered, Place, negative
 from vctune.proof.claims.delays import Part
@@ -43,6 +42,7 @@ from vctune.proof.claims.in_hands import (
     Tests,
     and_without_reserve,
     and_without_reserve_in_cells,
+    certainly,
     ends_of,
     limp,
     next_to_rest,
@@ -51,7 +51,7 @@ from vctune.proof.claims.in_hands import (
     uncertain_in,
 )
 from vctune.proof.claims.poles import hand_turns, unstable
-from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, surely_negative
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats
 from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Test, narrowed, prove
@@ -121,13 +121,10 @@ def _prove(question: Question) -> Outcome:
             return [(test, None)]
         return [(test, either(test, over(margin_in_spring, demands, uncertain, part.delays), fixed))]
 
-    def fails(design: Design, hand: Hand | None, theta: float, share: float) -> bool:
-        return surely_negative(hand_margin(exact_case(design, demands, hand, share), Enclosure(theta)))
-
     # the requirement of a servo is convex in the hand
     corners = None if kind.own_loop else demands.hands.corners
     ends = ends_of(demands.hands, question.box, corners, at_rest=limp(design, demands))
-    found = no_pole_crosses(Asked(question, tests, fails, apart=True), ends)
+    found = no_pole_crosses(Asked(question, tests, certainly(question, hand_margin), apart=True), ends)
     return and_without_reserve(found, _prove, question)
 
 

@@ -20,13 +20,13 @@ from vctune.model.sampled.hand_loop import NextToRest
 from vctune.model.sampled.plant_in_hand import PlantInHand
 from vctune.proof.box_tests import beside_zero, positive, sufficient
 from vctune.proof.boxes import FREQUENCY, HALF_TURN, SAMPLES_BEFORE, Boxes, Values, band_of, over_band
-from vctune.proof.claims.cases import COUPLING_SHARE, Case, over
+from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
 from vctune.proof.claims.claim import Question
 from vctune.proof.claims.covered import Covered, in_rad_per_s, of_design
 from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
 from vctune.proof.claims.poles import coupling_turns, free_at_rest, hand_turns
 from vctune.proof.device_box import MOST_AT_ONCE, DeviceBox
-from vctune.proof.enclosures.intervals import Flags, Floats, decimal_or_inf
+from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, decimal_or_inf, surely_negative
 from vctune.proof.halving import Effort
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.proof.prover import Test, prove
@@ -60,7 +60,18 @@ class Asked:
     question: Question
     tests: Callable[[Part, Values], Tests]  # the tests that prove the claim on a part of the boxes
     fails: Fails
-    apart: bool = False  # whether the whole samples of an uncertain delay may be a row of the boxes
+    # whether the whole samples of an uncertain delay are a row of the boxes, where this needs fewer of them than a part
+    # for each number of samples
+    apart: bool = False
+
+
+def certainly(question: Question, margin: Callable[[Case, Number], Any]) -> Fails:
+    """Return the function that tells whether a margin is certainly negative."""
+
+    def fails(design: Design, hand: Hand | None, theta: float, share: float) -> bool:
+        return surely_negative(margin(exact_case(design, question.demands, hand, share), Enclosure(theta)))
+
+    return fails
 
 
 def uncertain_in(box: DeviceBox | None) -> tuple[str, ...]:
@@ -69,8 +80,8 @@ def uncertain_in(box: DeviceBox | None) -> tuple[str, ...]:
 
 
 def limp(design: Design, demands: Demands) -> bool:
-    """Return whether the position is free in a hand without stiffness and the margin vanishes near angle 0, as that of
-    an impedance display does not."""
+    """Return whether the margin of a coupling vanishes near angle 0: the position is free in a hand without stiffness,
+    before a device that senses a force. F itself vanishes wherever the position is free (`free_at_rest`)."""
     assert demands.hands is not None
     free = free_at_rest(demands, integral=design.gains.position > 0)
     return free and design.device.kind.senses_force and demands.hands.low.stiffness == 0
@@ -83,7 +94,8 @@ def tested_with(
     margin: Callable[[Case, Number], Any],
     at_rest: Callable[[Case, Number], Any] | None,
 ) -> Test:
-    """Return the test that one of some margins is positive, near angle 0 in a limp hand those divided by rho^2."""
+    """Return the test that one of some margins of a coupling is positive, near angle 0 in a limp hand those divided by
+    rho^2."""
     demands, uncertain = question.demands, uncertain_in(question.box)
     test = positive(over(margin, demands, uncertain, part.delays), fixed)
     if at_rest is None or not limp(question.design, demands):

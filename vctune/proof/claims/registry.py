@@ -20,7 +20,7 @@ _ROWS = (
     WALL_IN_HANDS, RESTS,
 )  # fmt: skip
 CLAIMS: dict[ClaimId, Claim] = {claim.id: claim for claim in _ROWS}
-IN_HANDS = tuple(claim.id for claim in (HANDS, WORLDS, WALLS))  # Claims about the hands of a box
+IN_HANDS = tuple(claim.id for claim in (HANDS, WORLDS, WALLS))  # Claims about the coupling in the hands of a box
 BEFORE_WALL = tuple(claim.id for claim in (WALL_IN_ANY_HAND, WALL_IN_HANDS))  # Claims about the coupling as a wall
 
 
