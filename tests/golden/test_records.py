@@ -11,7 +11,7 @@ import os
 
 import pytest
 from conftest import ROOT, mostly_slow
-from records import ANSWERS, differences, plain
+from records import ANSWERS, QUICK, differences, plain
 
 FILE = ROOT / "tests/golden/records.json"
 RECORDS = json.loads(FILE.read_text())
@@ -19,13 +19,16 @@ SEARCHED = 2e-3
 """Relative difference of the numbers of a design that was searched for: its error has a flat minimum."""
 
 
-SLOW = {
-    "text: sections", "text: weak motor", "text: nothing behind", "problem: ../tests/reference/worlds/world-tools",
-}  # fmt: skip
-"""Answers that take more than five seconds and say little that others do not."""
+FAST = [f"design: {kind} {seeds[0]}" for kind, seeds in QUICK.items()]
+FAST += [
+    f"problem: {name}" for name in ("friction-wheel", "knob", "wall", "friction-wheel-hands", "keemink", "late-arm")
+]
+FAST += ["region: friction-wheel", "region: paddle", "text: springs", "text: flexible display", "text: whole axis"]
+FAST += ["log: 2", "servo log: 0", "bound: wheel", "loop", "sweep: damping", "simulation: friction-wheel"]
+"""One answer of each kind."""
 
 
-@pytest.mark.parametrize("name", mostly_slow(ANSWERS, ANSWERS.keys() - SLOW))
+@pytest.mark.parametrize("name", mostly_slow(ANSWERS, FAST))
 def test_an_answer_is_what_it_was(name):
     then, now = RECORDS.get(name), plain(ANSWERS[name]())
     if os.environ.get("VCTUNE_REFRESH"):
