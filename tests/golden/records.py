@@ -244,6 +244,13 @@ mass = 0.4
 damping = 2.0
 sample_time = 1e-3
 velocity = { from = "difference", resolution = 1e-5, sections = [[0.2, 0.0, 0.0, 1.0, -0.8, 0.0]] }
+[gains]
+velocity = 30.0
+position = 300.0
+[coupling]
+damping = 60.0
+mass = 0.5
+drag = 8.0
 [stability]
 criterion = "hands"
 """,
