@@ -36,6 +36,8 @@ PROBLEMS = ROOT / "problems"
 DIGITS = 7
 OF_WORDS = 3e-3
 """Relative difference of numbers in words, which are rounded, that says nothing."""
+SOUGHT, PLACES = 3e-3, ("hand", "worst", "hz", "witness", "figures")
+"""Relative difference of a place at which something is least or greatest, and words in the keys of such places."""
 WORK = 0.2
 """Relative difference of the boxes of a proof: more of them make it slower, fewer prove less than the whole."""
 ELSEWHERE = ("versions", "sha256", "problem", "schema", "solver", "curve")
@@ -309,7 +311,8 @@ def differences(then: Any, now: Any, near: float, path: str = "") -> Iterator[st
     """Yield each part of an answer that is not as it was, with its path."""
     if isinstance(then, dict) and isinstance(now, dict):
         for key in sorted(then.keys() | now.keys()):
-            yield from differences(then.get(key), now.get(key), WORK if key == "boxes" else near, f"{path}.{key}")
+            sought = max(near, SOUGHT) if any(word in key for word in PLACES) else near
+            yield from differences(then.get(key), now.get(key), WORK if key == "boxes" else sought, f"{path}.{key}")
     elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
         for k, (one, other) in enumerate(zip(then, now, strict=True)):
             yield from differences(one, other, near, f"{path}[{k}]")
@@ -322,8 +325,18 @@ def alike(then: Any, now: Any, near: float) -> bool:
     if isinstance(then, str) and isinstance(now, str):
         numbers = zip(NUMBER.findall(then), NUMBER.findall(now), strict=False)
         return NUMBER.sub("0", then) == NUMBER.sub("0", now) and all(
-            isclose(float(one), float(other), rel_tol=OF_WORDS) for one, other in numbers
+            isclose(
+                float(one), float(other), rel_tol=OF_WORDS, abs_tol=max(1e-12, 1.01 * last(one), 1.01 * last(other))
+            )
+            for one, other in numbers
         )
     if isinstance(then, bool) or isinstance(now, bool) or None in (then, now) or isinstance(then, str | list | dict):
         return bool(then == now)
     return isclose(then, now, rel_tol=near, abs_tol=1e-12)
+
+
+def last(number: str) -> float:
+    """Return one unit in the last place of a number in words, by which a rounding may differ; 0 of a whole number."""
+    digits, _, exponent = number.partition("e")
+    whole = "." not in digits and not exponent
+    return 0.0 if whole else 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
