@@ -8,7 +8,9 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+import frequency
 import numpy as np
+from frequency import STRUCTURES
 from loop import NOTHING, Loop, radius
 from scipy import signal
 
@@ -60,6 +62,18 @@ def sections(rng: Rng) -> list[list[float]]:
     return [[float(x) for x in row] for row in found]
 
 
+def springs(rng: Rng, mass: float, T: float) -> Tables:
+    """Return two or three springs, the last one by its stiffness."""
+    shares = rng.dirichlet(np.ones(int(rng.integers(3, 5))) * 2)[1:]
+    found = {}
+    for table, share in zip(STRUCTURES, shares, strict=False):
+        one = {"handle_mass": decimal(mass * max(share, 0.02)), "frequency_hz": decimal(decades(rng, -1.5, -0.6) / T)}
+        found[table] = one | {"damping_ratio": decades(rng, -2, -0.7)}
+    last = found[table]
+    last["stiffness"] = decimal(last["handle_mass"] * (2 * pi * last.pop("frequency_hz")) ** 2)
+    return found
+
+
 def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
     """Return an admittance display with these parts alone."""
     T, mass = short(decades(rng, -3.7, -2.7)), decades(rng, -1.3, 1)
@@ -91,6 +105,8 @@ def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
                 "frequency_hz": decimal(decades(rng, -1.5, -0.5) / T),
                 "damping_ratio": decades(rng, -2, -0.7),
             }
+        elif part == "springs":
+            device |= springs(rng, mass, T)
         elif part == "low-pass":
             sensor |= {"bandwidth_hz": decimal(decades(rng, -1.3, 0) / T), "order": int(rng.integers(1, 3))}
         elif part == "late sensor":
@@ -294,8 +310,7 @@ def angles(device: Tables, count: int = 160) -> np.ndarray:
     own = device.get("servo", device).get("delay", 0.0) + device.get("force_sensor", {}).get("delay", 0.0)
     even = count + int(16 * own / device["sample_time"])
     found = [np.geomspace(LEAST, pi, count), np.linspace(0.01, pi, even)]
-    if "structure" in device:
-        resonance = 2 * pi * device["structure"]["frequency_hz"] * device["sample_time"]
+    for resonance in frequency.resonances(device)[0] * device["sample_time"] if "structure" in device else ():
         found += [resonance * (1 + np.geomspace(1e-3, 0.5, 20)), resonance * (1 - np.geomspace(1e-3, 0.5, 20))]
     together = np.unique(np.concatenate(found))
     return together[together <= pi]

@@ -15,6 +15,8 @@ import numpy as np
 from arithmetic import DIGITS, DOUBLES, Arithmetic
 
 Tables = Mapping[str, Any]
+STRUCTURES = ("structure", "structure_2", "structure_3")
+"""The tables of springs, from the motor to the handle."""
 
 
 class Demanded(NamedTuple):
@@ -77,13 +79,38 @@ def mechanism(device: Tables, s: Any, num: Arithmetic) -> tuple[Any, Any, Any, A
     if "structure" not in device:
         rigid = 1 / (m * s + b)
         return rigid, rigid, rigid, rigid
-    table = device["structure"]
-    m_2 = num.number(table["handle_mass"])
-    mu, w = (m - m_2) * m_2 / m, 2 * num.pi * num.number(table["frequency_hz"])
-    spring = 2 * num.number(table["damping_ratio"]) * mu * w + mu * w**2 / s
-    Z_1, Z_2 = (m - m_2) * s + b, m_2 * s
-    E = Z_1 * Z_2 + spring * (Z_1 + Z_2)
-    return (Z_1 + spring) / E, spring / E, spring / E, (Z_2 + spring) / E
+    tables = [device[table] for table in STRUCTURES if table in device]
+    masses = [num.number(table["handle_mass"]) for table in tables]
+    masses.insert(0, m - sum(masses))
+    inertia, springs = [mass * s for mass in masses], []
+    inertia[0] = inertia[0] + b
+    for n, table in enumerate(tables):
+        mu = sum(masses[: n + 1]) * sum(masses[n + 1 :]) / m
+        w = 2 * num.pi * num.number(table.get("frequency_hz", 0.0))
+        k = num.number(table["stiffness"]) if "stiffness" in table else mu * w**2
+        springs.append(2 * num.number(table["damping_ratio"]) * num.sqrt(k * mu) + k / s)
+    behind, passed = inertia[-1], num.number(1)  # impedance of what is behind a mass, and the share that moves
+    for n in reversed(range(len(springs))):
+        passed = passed * springs[n] / (springs[n] + behind)
+        behind = inertia[n] + springs[n] * behind / (springs[n] + behind)
+    before = inertia[0]
+    for n, spring in enumerate(springs):
+        before = inertia[n + 1] + spring * before / (spring + before)
+    return 1 / before, passed / behind, passed / behind, 1 / behind
+
+
+def resonances(device: Tables) -> tuple[np.ndarray, np.ndarray]:
+    """Return the resonances of the springs without losses, rad/s: with a free motor, and with one that stands still."""
+    tables = [device[table] for table in STRUCTURES if table in device]
+    masses = np.array([device["mass"] - sum(t["handle_mass"] for t in tables), *(t["handle_mass"] for t in tables)])
+    rate = np.zeros((masses.size, masses.size))  # accelerations by places
+    for n, table in enumerate(tables):
+        mu = masses[: n + 1].sum() * masses[n + 1 :].sum() / masses.sum()
+        k = table["stiffness"] if "stiffness" in table else mu * (2 * np.pi * table["frequency_hz"]) ** 2
+        rate[n, [n, n + 1]] += np.array([k, -k]) / masses[n]
+        rate[n + 1, [n, n + 1]] += np.array([-k, k]) / masses[n + 1]
+    free, held = (np.sort(np.abs(np.linalg.eigvals(each))) ** 0.5 for each in (rate, rate[1:, 1:]))
+    return free[1:], held
 
 
 def demanded(tables: Tables, gains: tuple[float, float], s: Any, num: Arithmetic = DIGITS, delta: Any = 0) -> Demanded:
@@ -125,8 +152,7 @@ def unstable_poles(tables: Tables, gains: tuple[float, float]) -> float:
     """Return how many zeros D has in the right half plane, by its turns just right of the imaginary axis."""
     T = tables["device"]["sample_time"]
     grids = [np.geomspace(1e-13, 1e5, 20_000) / T]
-    if "structure" in tables["device"]:
-        grids.append(2 * np.pi * tables["device"]["structure"]["frequency_hz"] * np.geomspace(0.5, 2, 8000))
+    grids += [resonance * np.geomspace(0.5, 2, 8000) for resonance in resonances(tables["device"])[0]]
     s = 1e-10 / T + 1j * np.unique(np.concatenate(grids))
     phase = np.unwrap(np.angle(demanded(tables, gains, s, DOUBLES).D))
     return float(-(phase[-1] - phase[0]) / np.pi)

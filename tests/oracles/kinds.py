@@ -75,8 +75,7 @@ def frequencies(device: Tables, low: float, high: float, count: int = 2000) -> n
     """Return frequencies of a band, rad/s, denser around a resonance."""
     grids = [np.geomspace(low, high, count), np.array([low, high])]
     if "structure" in device:
-        free, share = 2 * pi * device["structure"]["frequency_hz"], device["structure"]["handle_mass"] / device["mass"]
-        grids += [w * np.geomspace(0.5, 2, count // 5) for w in (free, free * (1 - share) ** 0.5, free * share**0.5)]
+        grids += [w * np.geomspace(0.5, 2, count // 5) for w in np.concatenate(frequency.resonances(device))]
     grid = np.unique(np.concatenate(grids))
     return grid[(grid >= low) & (grid <= high)]
 
@@ -653,4 +652,5 @@ KINDS = {
     "any hand": any_hand,
     "worlds": worlds,
     "passive, sections": lambda rng: passive(rng, "held", "sections", "felt sections", "part of a sample"),
+    "passive, springs": lambda rng: passive(rng, "held", "springs", "difference"),
 }

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from arithmetic import DOUBLES, Arithmetic
-from frequency import firmware
+from frequency import STRUCTURES, firmware
 
 Triple = tuple[float, float, float]
 NOTHING: Triple = (0.0, 0.0, 0.0)
@@ -91,17 +91,18 @@ class Loop:
         }
 
 
-def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:  # noqa: PLR0915
     num, device = loop.num, loop.device
     M, B, K = (num.number(x) for x in loop.hand)
     lag = "servo" if loop.kind == "servo" else "actuator"
     pushers, sensors = _order(loop, lag), _order(loop, "force_sensor") if loop.kind != "impedance" else 0
-    body = 1 if loop.kind == "servo" else 4 if "structure" in device else 2
+    springs = [table for table in STRUCTURES if table in device]
+    body = 1 if loop.kind == "servo" else 2 + 2 * len(springs)
     size = body + pushers + sensors + 2 * len(loop.resonators)
     row = list(num.eye(size + 1))
     command, acting, reading = row[-1], row[body : body + pushers], row[body + pushers : body + pushers + sensors]
     push = acting[0] if acting else command
-    v_h, pull, hung = row[3] if body == 4 else row[1 % len(row)], 0 * row[0], []
+    v_h, pull, hung = row[max(body - 1, 1) % len(row)], 0 * row[0], []
     for k, resonator in enumerate(loop.resonators):  # its stretch and its velocity
         m_r, b_r, k_r = (num.number(x) for x in resonator)
         stretch, v_r = row[size - 2 * len(loop.resonators) + 2 * k :][:2]
@@ -118,17 +119,33 @@ def _plant(loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
         acceleration = (push + pull - (b + B) * row[1] - K * row[0]) / (m + M)
         rates = [row[1], acceleration, *_filtered(loop, lag, command, acting)]
         force = pull - (M * acceleration + B * row[1] + K * row[0])
-    else:  # motor x, v; stretch of the spring; handle's velocity and position: position is x + stretch
+    else:  # motor x, v; then the stretch of each spring and the velocity behind it; the handle is the last mass
         m, b = num.number(device["mass"]), num.number(device["damping"])
-        m_2 = loop.number("structure", "handle_mass")
-        m_1, mu = m - m_2, (m - m_2) * m_2 / m
-        w = 2 * num.pi * loop.number("structure", "frequency_hz")
-        k, c = mu * w**2, 2 * loop.number("structure", "damping_ratio") * mu * w
-        x, v, stretch, v_2 = row[:4]
-        spring = k * stretch + c * (v_2 - v)  # pulls the motor towards the handle
-        acceleration = (pull - spring - B * v_2 - K * (x + stretch)) / (m_2 + M)
-        rates = [v, (push + spring - b * v) / m_1, v_2 - v, acceleration, *_filtered(loop, lag, command, acting)]
-        force = pull - (M * acceleration + B * v_2 + K * (x + stretch))
+        masses = [loop.number(table, "handle_mass") for table in springs]
+        masses.insert(0, m - sum(masses))
+        ahead, rates = row[1], [row[1]]
+        pulls, moved = [push - b * row[1]], row[0]
+        for n, table in enumerate(springs):
+            stretch, v_2 = row[2 + 2 * n : 4 + 2 * n]
+            mu = sum(masses[: n + 1]) * sum(masses[n + 1 :]) / m  # of the two sides of the spring
+            if "stiffness" in device[table]:
+                k = loop.number(table, "stiffness")
+                w = num.sqrt(k / mu)
+            else:
+                w = 2 * num.pi * loop.number(table, "frequency_hz")
+                k = mu * w**2
+            spring = k * stretch + 2 * loop.number(table, "damping_ratio") * mu * w * (v_2 - ahead)
+            pulls[-1] = pulls[-1] + spring  # towards the handle
+            pulls.append(-spring)
+            rates += [v_2 - ahead, None]
+            ahead, moved = v_2, moved + stretch
+        acceleration = (pull + pulls[-1] - B * ahead - K * moved) / (masses[-1] + M)
+        rates[1:1] = [pulls[0] / masses[0]]
+        for n in range(1, len(springs)):
+            rates[1 + 2 * n] = pulls[n] / masses[n]
+        rates[-1] = acceleration
+        rates += _filtered(loop, lag, command, acting)
+        force = pull - (M * acceleration + B * ahead + K * moved)
     if reading:
         rates += _filtered(loop, "force_sensor", force, reading)
         force = reading[0]

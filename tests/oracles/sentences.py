@@ -637,4 +637,10 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "measured wall, filtered": lambda rng: display(rng, "measured", "filter", "part of a sample", rigid=True),
     "measured wall, sections": lambda rng: display(rng, "measured", "sections", "actuator", rigid=True),
     "measured wall, structure": lambda rng: display(rng, "measured", "filter", "structure", rigid=True),
+    "springs": lambda rng: own_loop(rng, "springs"),
+    "springs, low-passes": lambda rng: own_loop(rng, "springs", "difference", "filter", "low-pass"),
+    "springs, box of environments": lambda rng: own_loop(rng, "springs", "actuator", number="drag", world="box"),
+    "springs, uncertain": lambda rng: own_loop(rng, "springs", "part of a sample", uncertain=1),
+    "display, springs": lambda rng: display(rng, "springs"),
+    "wall in hands, springs": lambda rng: display(rng, "springs", "filter", rigid=True),
 }

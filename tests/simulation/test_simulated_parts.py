@@ -23,8 +23,6 @@ from scipy.integrate import trapezoid
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
-from vctune.model.loop.device_response import mechanism
-from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.simulation import compiled
 from vctune.simulation.compiled import INPUT_NAMES, SAMPLES_PER_CALL, build
@@ -77,6 +75,12 @@ def experiment(environment=SPRING, operator=HAND, friction=None, sensors=PERFECT
 
 def scene_of(device, environment=SPRING, operator=HAND, friction=None, **changes) -> Scene:
     return designed_scene(device, GAINS, COUPLING, experiment(environment, operator, friction, **changes))
+
+
+def stiffness_of(device) -> float:
+    """Return the stiffness of the spring of a device."""
+    handle = device.structure.handle_mass
+    return (device.mass - handle) * handle / device.mass * (2 * np.pi * device.structure.frequency_hz) ** 2
 
 
 def in_steps(monkeypatch, count):
@@ -173,14 +177,15 @@ def test_no_step_creates_energy_in_a_free_slide(h, stiffness):
     parts_of = (EVERYTHING, replace(IDEAL, structure=EVERYTHING.structure))
     for damped, hand_mass in itertools.product(parts_of, (0.0, 0.3)):
         device, hand = replace(damped, damping=0.0), replace(HAND, mass=hand_mass, damping=0.0)
-        moving, parts = plant(device, hand), mechanism(device, device.structure, FLOATS_OF_THE_MODEL)
+        moving, handle_mass = plant(device, hand), device.structure.handle_mass
+        motor, spring = device.mass - handle_mass, stiffness_of(device)
         change = moving.change(h)
         at = Sliding([0.0, 0.3, 1e-3, -0.2, *[0.0] * (len(change) - 4)], 1e-4, 0.3)
 
-        def energy(at, parts=parts, hand=hand):
+        def energy(at, motor=motor, spring=spring, handle_mass=handle_mass, hand=hand):
             x, v, bend, handle_v = at.values[:4]
-            kinetic = parts.motor * v * v + (parts.handle + hand.mass) * handle_v**2
-            return (kinetic + parts.stiffness * bend**2 + hand.stiffness * (x + bend) ** 2 + stiffness * at.z**2) / 2
+            kinetic = motor * v * v + (handle_mass + hand.mass) * handle_v**2
+            return (kinetic + spring * bend**2 + hand.stiffness * (x + bend) ** 2 + stiffness * at.z**2) / 2
 
         first = before = energy(at)
         for _ in range(300):
@@ -203,7 +208,7 @@ def test_a_run_starts_in_equilibrium(device, friction):
     )
     compliance = 1 / 1000 + 1 / 200 + 1 / GAINS.position
     if device.structure is not None:
-        compliance += 1 / mechanism(device, device.structure, FLOATS_OF_THE_MODEL).stiffness
+        compliance += 1 / stiffness_of(device)
     assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / compliance)
     assert np.abs(states - step.start[:, None]).max() < 1e-10
 

@@ -4,7 +4,7 @@ the local extrema."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, pi
 
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
+from vctune.model.mechanism import chain
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.running import check_time
 
 # Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
@@ -21,30 +23,44 @@ NARROWER = 6.0  # Number of points that a drawn curve has within the width of a 
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies between the resonances of only the handle and of both masses."""
-    structure, mass = device.structure, device.mass
-    if structure is None:
-        return grid
-    # if the loop holds the motor still, only the handle resonates: the reduced mass m_1 m_2/m becomes m_2
-    resonance = 2 * pi * float(structure.frequency_hz)
-    load = structure.load.mass if structure.load is not None else 0.0
-    held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5
-    held *= (structure.handle_mass / (structure.handle_mass + load)) ** 0.5
-    low, high = max(grid[0], held / RESONANCE_REACH), min(grid[-1], resonance * RESONANCE_REACH)
-    if low >= high:
-        return grid
-    # half the damping ratio, a quarter of the relative width 2 zeta of a resonance
-    step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
-    # 1 + int(...) steps, so that no step exceeds `step`, and one more frequency than steps
-    return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))
+    """Return a grid, rad/s, with more frequencies between the resonances of a held motor and of a free one."""
+    return _around(device, grid, 1.0)
 
 
 def round_at_resonance(device: Device, hz: Floats) -> Floats:
     """Return frequencies with more of them around a structure's resonance, so that a curve over them looks smooth."""
-    if device.structure is None:
-        return hz
-    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
-    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)
+    return _around(device, 2 * pi * hz, NARROWER) / (2 * pi) if device.modes else hz
+
+
+def _around(device: Device, grid: Floats, finer: float) -> Floats:
+    if not device.modes:
+        return grid
+    # half the damping ratio, a quarter of the relative width 2 zeta of a resonance
+    ratio = min(float(mode.damping_ratio) for mode in device.modes) / finer
+    step = min(max(ratio / 2, NARROWEST), 0.02)
+    for held, free in zip(*_resonances(device), strict=True):
+        low, high = max(grid[0], held / RESONANCE_REACH), min(grid[-1], free * RESONANCE_REACH)
+        if low < high:  # 1 + int(...) steps, so that no step exceeds `step`, and one more frequency than steps
+            grid = np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))
+    return grid
+
+
+def _resonances(device: Device) -> tuple[Floats, Floats]:
+    """Return the resonances behind a motor that stands still, with the handle's load, and those of a free motor without
+    it, rad/s; each of the first is below one of the second."""
+    of = chain(device, FLOATS)
+    masses = np.array([*of.masses.values()], float)
+    stiffness = np.zeros((masses.size, masses.size))
+    for k, link in enumerate(of.links):
+        stiffness[k : k + 2, k : k + 2] += float(link.stiffness) * np.array([[1, -1], [-1, 1]])
+    free = masses.copy()
+    free[-1] = float(device.modes[-1].handle_mass)
+
+    def swings(matrix: Floats, mass: Floats) -> Floats:
+        root = 1 / np.sqrt(mass)
+        return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(matrix * root * root[:, None]), 0.0)))
+
+    return swings(stiffness[1:, 1:], masses[1:]), swings(stiffness, free)[1:]
 
 
 Floats = NDArray[np.float64]

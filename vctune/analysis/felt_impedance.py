@@ -61,13 +61,13 @@ class _Mechanism(NamedTuple):
 
 
 def _mechanism(at: DeviceResponse, s: Complex) -> _Mechanism:
-    motor = at.mass * s + at.damping
-    if at.spring is None:
-        return _Mechanism(1 / motor, 1 / motor)
-    handle = at.spring.mass * s + (0.0 if at.spring.damping is None else at.spring.damping)
-    y = -s * s * at.spring.y_c + s * at.spring.y_k
-    total = y * motor * handle + motor + handle
-    return _Mechanism((1 + y * motor) / total, 1 / total)
+    """Go from the motor to the handle: v + y F moves the mass behind a spring of force F, and F + Z v acts there."""
+    v, F = 1 + 0 * s, at.mass * s + at.damping
+    for spring in at.springs:
+        handle = spring.mass * s + (0.0 if spring.damping is None else spring.damping)
+        v = v + (-s * s * spring.y_c + s * spring.y_k) * F
+        F = F + handle * v
+    return _Mechanism(v / F, 1 / F)
 
 
 def _forward(

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.model.device import Device
+from vctune.model.mechanism import forces, linked
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import exponentials
+from vctune.model.parts import Structure
 
 Numbers = Mapping[str, float]
 Complex = NDArray[np.complex128]
@@ -64,28 +67,27 @@ def linear(drive: Drive, numbers: Numbers) -> tuple[Floats, Floats, float]:
         w *= LAGS[2]
         A = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, -w * w, -np.sqrt(2) * w]])
         return A, np.array([[0.0, 0, 0], [0, 0, 0], [numbers["gain"] * w * w, 0, 0]]), 1.0
-    two, lag, mass = "handle_mass" in numbers, "lag" in numbers, numbers["mass"]
-    motor = max(mass - numbers["handle_mass"], 1e-3 * mass) if two else mass
-    size = 2 + 2 * two + lag
-    A, B = np.zeros((size, size)), np.zeros((size, 3))
-    A[0, 1] = 1.0
-    A[1, :2] = -numbers.get("stiffness", 0.0) / motor, -sum(dampings(numbers)) / 2 / motor
-    B[1, 1] = 1 / motor
+    mass, lag, spring = numbers["mass"], "lag" in numbers, list[Structure]()
+    if "handle_mass" in numbers:
+        spring = [Structure(numbers["handle_mass"], numbers["frequency_hz"], numbers["damping_ratio"])]
+        mass = numbers["handle_mass"] + max(mass - numbers["handle_mass"], 1e-3 * mass)  # which a search may try
+    of = linked(mass, sum(dampings(numbers)) / 2, spring, None, FLOATS)
+    places, last = [0, 2][: 1 + len(spring)], 2 * len(spring)
+    A, B = np.zeros((2 + last + lag, 2 + last + lag)), np.zeros((2 + last + lag, 3))
+    for place, (name, own) in zip(places, of.masses.items(), strict=True):
+        A[place, place + 1] = 1.0
+        for state, share in forces(of)[name].items():
+            if state in of.bends:
+                A[place + 1, [2, 0]] += np.array([share, -share]) / own
+            else:
+                A[place + 1, 2 * of.velocities.index(state) + 1] += share / own
+    motor = of.motor
+    A[1, 0] -= numbers.get("stiffness", 0.0) / motor
+    B[1, 1], B[last + 1, 2] = 1 / motor, 1 / of.masses[of.velocities[-1]]
     if lag:
         A[1, -1], A[-1, -1], B[-1, 0] = 1 / motor, -1 / numbers["lag"], 1 / numbers["lag"]
     else:
         B[1, 0] = 1 / motor
-    if two:
-        handle, w = numbers["handle_mass"], 2 * pi * numbers["frequency_hz"]
-        reduced = motor * handle / (motor + handle)
-        k, c = reduced * w * w, 2 * numbers["damping_ratio"] * reduced * w
-        apart = np.array([-k, -c, k, c])
-        A[1, :4] += apart / motor
-        A[2, 3] = 1.0
-        A[3, :4] = -apart / handle
-        B[3, 2] = 1 / handle
-    else:
-        B[1, 2] = 1 / mass
     return A, B, motor
 
 

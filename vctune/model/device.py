@@ -11,7 +11,7 @@ from pydantic import GetPydanticSchema
 from pydantic_core.core_schema import literal_schema
 
 from vctune.model.display import DISPLAYS, STEPPED, Display, DisplayName
-from vctune.model.fields import Internal, Key, NotNegative, Positive, record
+from vctune.model.fields import Internal, Key, Listed, NotNegative, Positive, record
 from vctune.model.gains import Rule
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
@@ -64,7 +64,18 @@ class Device:
     velocity: Annotated[VelocityEstimate | None, Key("Default: measured without delay.")] = None
     actuator: Annotated[Actuator | None, Key("Default: the force follows the command without lag.")] = None
     force_sensor: Annotated[ForceSensor | None, Key("Default: the force is sensed without delay.")] = None
-    structure: Annotated[Structure | None, Key("Default: rigid.")] = None
+    structure: Annotated[
+        Structure | None,
+        Listed(3),
+        Key(
+            "A handle on a spring, or as [[device.structure]] a chain of up to three springs from the motor to the "
+            "handle. Default: rigid."
+        ),
+    ] = None
+    structure_2: Annotated[
+        Structure | None, Key("The second [[device.structure]], as messages and [uncertainty] call it. Default: none.")
+    ] = None
+    structure_3: Annotated[Structure | None, Key("The third one. Default: none.")] = None
     unmodelled: Internal[Unmodelled | None] = None  # one response from the uncertainty set; None for the nominal one
     display: Annotated[
         DisplayName,
@@ -164,9 +175,17 @@ class Device:
         return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property
+    def modes(self) -> tuple[Structure, ...]:
+        """The springs from the motor to the handle."""
+        return tuple(each for each in (self.structure, self.structure_2, self.structure_3) if each is not None)
+
+    @property
     def motor_mass(self) -> Number:
         """The mass that the motor drives directly, kg. A rigid device has its whole mass there."""
-        return self.mass if self.structure is None else self.mass - self.structure.handle_mass
+        mass = self.mass
+        for each in self.modes:
+            mass = mass - each.handle_mass
+        return mass
 
     @property
     def counted_on(self) -> LeastOperator | None:

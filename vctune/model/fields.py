@@ -105,6 +105,19 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
+class Listed:
+    """The mark of a table that a file may also write as a list of so many."""
+
+    most: int
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        schema = handler(core)
+        one, nothing = schema.pop("anyOf")
+        several = {"type": "array", "items": one, "minItems": 1, "maxItems": self.most}
+        return schema | {"anyOf": [{"oneOf": [one, several]}, nothing]}
+
+
+@dataclass(frozen=True, slots=True)
 class Shown:
     """How a field is displayed."""
 

@@ -206,24 +206,40 @@ class Servo:
 
 @record
 class Structure:
-    """A handle on a spring. The position sensor and all damping of the device are on the motor's side."""
+    """A spring behind the motor, or behind the spring before it, and the mass behind this spring."""
 
+    # the position sensor and all damping of the device are on the motor's side of all springs
     handle_mass: Annotated[
         Positive,
-        Key("Part of device.mass on the handle's side of the spring, kg.", "mass", "structure: mass of the handle"),
+        Key(
+            "Part of device.mass behind this spring and before the next one, kg; behind the last one, the handle.",
+            "mass",
+            "structure: mass of the handle",
+        ),
     ]
     frequency_hz: Annotated[
-        Positive,
+        Positive | None,
         Key(
-            "Frequency at which the two parts resonate without a hand, Hz.",
+            "Frequency at which the two sides of this spring resonate without a hand, each as one mass, Hz. It or "
+            "`stiffness` must be stated.",
             "rate",
             "structure: resonance",
             "a stiffer handle",
         ),
-    ]
+    ] = None
     damping_ratio: Annotated[
-        NotNegative, Key("Damping ratio of the resonance at `frequency_hz`.", "ratio", "structure: damping ratio")
-    ]
+        NotNegative,
+        Key("Damping ratio of this resonance. Default: 0, a spring without loss.", "ratio", "structure: damping ratio"),
+    ] = 0.0
+    stiffness: Annotated[
+        Positive | None,
+        Key(
+            "Stiffness of this spring, N/m, in place of `frequency_hz`.",
+            "stiffness",
+            "structure: stiffness",
+            "a stiffer spring",
+        ),
+    ] = None
     # mass and damping that move rigidly with the handle; frequency and damping ratio are those without them
     load: Internal[LeastOperator | None] = None
 
@@ -248,13 +264,14 @@ class Part:
     record: type  # type of the field of `Device`
     stated: str  # phrase for a linear device that has this part
     ideal: Any = None  # the record of an ideal part, which a device does not store; None if no record is ideal
+    which: str = ""  # text that tells a part from others of its kind
 
     @property
     def numbers(self) -> tuple[Key, ...]:
         """The real numbers of the part."""
-        hints = get_type_hints(self.record, include_extras=True)
+        hints, which = get_type_hints(self.record, include_extras=True), self.which
         keys = (replace(k, name=n) for n, hint in hints.items() for k in hint.__metadata__ if isinstance(k, Key))
-        return tuple(key for key in keys if key.quantity)
+        return tuple(replace(key, label=key.label.replace(":", f"{which}:")) for key in keys if key.quantity)
 
 
 # Descriptions of the parameters in the [device] table itself
@@ -271,6 +288,8 @@ PARTS: Mapping[str, Part] = MappingProxyType(
         "actuator": Part(Actuator, "actuator"),
         "force_sensor": Part(ForceSensor, "force sensor", ForceSensor()),
         "structure": Part(Structure, "handle on a spring"),
+        "structure_2": Part(Structure, "second spring", which=" 2"),
+        "structure_3": Part(Structure, "third spring", which=" 3"),
         "servo": Part(Servo, "servo"),
     }
 )

@@ -15,7 +15,8 @@ from vctune.model.device import Device
 from vctune.model.experiment import Friction
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
-from vctune.model.numbers.arithmetic import Floats
+from vctune.model.mechanism import POSITION, chain
+from vctune.model.numbers.arithmetic import FLOATS, Floats
 from vctune.model.rest import damping_acting, read_in_steps, stiffness_read
 from vctune.model.worlds import World
 from vctune.running import check_time
@@ -107,9 +108,9 @@ def _struck(
     stiffness = np.array([hand.stiffness for hand in hands])
     pushed = stiffness * place * (2 * spread[:, 1] - 1) + push * (2 * spread[:, 2] - 1)
     begins = (spread[:, 3] - 0.5) * q
-    for name, value in (("position", begins), ("velocity", struck), ("handle_velocity", struck)):
-        if name in names and not (device.servo is not None and name != "position"):
-            now["body"][names.index(name)] = value.copy()
+    now["body"][names.index(POSITION)] = begins.copy()
+    for name in chain(device, FLOATS).velocities if device.servo is None else ():
+        now["body"][names.index(name)] = struck.copy()
     block = max(ceil(max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3)) / device.sample_time), LEAST_SAMPLES)
     most = max(min(ceil(LONGEST / device.sample_time), MOST_SAMPLES), 3 * block)
     total = min(max(ceil(seconds / device.sample_time), 3 * block), most)

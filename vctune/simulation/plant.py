@@ -11,8 +11,8 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.experiment import MovingHand
-from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import Rows, drive_rows, drive_states, plain_low_pass_rates
+from vctune.model.loop.filters import drive_rows, drive_states, plain_low_pass_rates
+from vctune.model.mechanism import MOTOR, Chain, Rows, chain, forces, motion
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
 from vctune.model.numbers.matrices import exponential_less_one
 
@@ -48,19 +48,19 @@ def plant(device: Device, hand: MovingHand) -> Plant:
     """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo."""
     servo, sensor, T = device.servo, device.sensing, device.sample_time
     if servo is None:
-        states = ["position", "velocity", *(("bend", "handle_velocity") if device.structure else ())]
-        states += drive_states(device)
+        states = [*chain(device, FLOATS).states, *drive_states(device)]
     else:
         states = ["position", "velocity", "velocity_rate"][: 1 + servo.order]
     states += ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
     names = (*states, *GIVEN)
     row_of = dict(zip(names, np.eye(len(names)), strict=True))
     rates = {"position": row_of["velocity"], **{name: row_of[rate] for name, rate in pairwise(GIVEN[2:])}}
-    units = {"position": 1.0, "bend": _bend_unit(device, hand)}
-    units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / T)
+    units = {"position": 1.0, "velocity": 1 / T, "velocity_rate": 1 / T}
     if servo is None:
-        position, velocity, force = _pushed(device, hand, row_of, rates)
+        of = chain(device, FLOATS)
+        position, velocity, force = _pushed(device, of, hand, row_of, rates)
         force_unit = device.mass / T**2
+        units |= dict.fromkeys(of.velocities, 1 / T) | _bend_units(of, hand, T)
     else:
         position, velocity, force = _followed(servo.bandwidth(FLOATS), servo.order, hand, row_of, rates)
         force_unit = (hand.mass / T**2 + hand.damping / T + hand.stiffness) or 1.0
@@ -79,26 +79,20 @@ def plant(device: Device, hand: MovingHand) -> Plant:
     )
 
 
-def _pushed(device: Device, hand: MovingHand, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
+def _pushed(device: Device, of: Chain, hand: MovingHand, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a device that the hand pushes. Return the handle's position and velocity, and f_h."""
     rows: Rows = {name: {} for name in drive_states(device)}
     motor = _sum(drive_rows(rows, device, FLOATS, plain_low_pass_rates), row_of)
     rates |= {name: _sum(row, row_of) / device.sample_time for name, row in rows.items()}
-    position, velocity = row_of["position"], row_of["velocity"]
-    driven = motor - device.damping * velocity - row_of["friction"]
-    if device.structure is None:
-        free = row_of["push"] - hand.stiffness * position - hand.damping * velocity
-        mass = device.mass + hand.mass
-        rates["velocity"] = (driven + free) / mass
-        return position, velocity, device.mass / mass * free - hand.mass / mass * driven
-    masses, handle = mechanism(device, device.structure, FLOATS), row_of["handle_velocity"]
-    rates["bend"] = handle - velocity
-    spring = masses.stiffness * row_of["bend"] + masses.viscosity * rates["bend"]
-    position, mass = position + row_of["bend"], masses.handle + hand.mass
-    free = row_of["push"] - hand.stiffness * position - hand.damping * handle
-    rates["velocity"] = (driven + spring) / masses.motor
-    rates["handle_velocity"] = (free - spring) / mass
-    return position, handle, masses.handle / mass * free + hand.mass / mass * spring
+    rates |= {name: _sum(row, row_of) for name, row in motion(of, 1.0).items()}
+    pulls, masses, last = {name: _sum(row, row_of) for name, row in forces(of).items()}, of.masses, of.velocities[-1]
+    pulls[MOTOR] = pulls[MOTOR] + motor - row_of["friction"]
+    position, velocity = _sum(of.place, row_of), row_of[last]
+    free, driven = row_of["push"] - hand.stiffness * position - hand.damping * velocity, pulls[last]
+    mass = masses[last] + hand.mass
+    rates |= {name: pulls[name] / masses[name] for name in of.velocities[:-1]}
+    rates[last] = (driven + free) / mass
+    return position, velocity, masses[last] / mass * free - hand.mass / mass * driven
 
 
 def _followed(
@@ -111,13 +105,14 @@ def _followed(
     return position, velocity, row_of["push"] - resisting
 
 
-def _bend_unit(device: Device, hand: MovingHand) -> float:
-    """Return the size of a bend's oscillation at a velocity of 1 m a sample, m."""
-    if device.structure is None:
-        return 1.0
-    masses = mechanism(device, device.structure, FLOATS)
-    frequency = sqrt(masses.stiffness * (1 / masses.motor + 1 / (masses.handle + hand.mass)))
-    return 1 / (1 + frequency * device.sample_time)
+def _bend_units(of: Chain, hand: MovingHand, T: float) -> dict[str, float]:
+    """Return the size of each bend's oscillation at a velocity of 1 m a sample, m."""
+    masses = [*of.masses.values()]
+    masses[-1] = masses[-1] + hand.mass
+    found = {}
+    for link, bend, ahead, behind in zip(of.links, of.bends, masses, masses[1:], strict=False):
+        found[bend] = 1 / (1 + np.sqrt(link.stiffness * (1 / ahead + 1 / behind)) * T)
+    return found
 
 
 def _sum(shares: dict[str, Number], row_of: RowOf) -> Floats:

@@ -9,7 +9,8 @@ from typing import Any
 
 from vctune.model.device import Device
 from vctune.model.loop.filters import drive_at_rest
-from vctune.model.numbers.arithmetic import Number
+from vctune.model.mechanism import chain
+from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.sampled.circle import SNAP, split_delay
 from vctune.simulation.controller import (
     Controller,
@@ -64,8 +65,10 @@ def columns(device: Device) -> tuple[str, ...]:
 def begun(scene: Scene, moving: Plant, rest: State, begin: Equilibrium) -> Parts:
     """Return the state of a scene at rest, part by part."""
     device, when = scene.device, timing(scene.device)
-    not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
-    not_zero |= dict.fromkeys(("velocity", "handle_velocity"), initial_velocity(scene.operator))
+    of = chain(device, FLOATS)
+    not_zero = {"position": begin.position, "sensed": begin.hand}
+    not_zero |= {bend: begin.bend / (link.stiffness * of.give) for bend, link in zip(of.bends, of.links, strict=True)}
+    not_zero |= dict.fromkeys(of.velocities, initial_velocity(scene.operator))
     not_zero |= {name: share * begin.motor for name, share in drive_at_rest(device).items()}
     # past commands that still act: one for each whole sample of delay, and one that ends within a sample; a servo that
     # interpolates between positions also needs the position before these

@@ -10,8 +10,8 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, MovingHand
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import force_sections, velocity_sections
+from vctune.model.mechanism import chain
 from vctune.model.numbers.arithmetic import FLOATS, Floats
 from vctune.simulation.controller import Law
 
@@ -56,10 +56,8 @@ def _at_rest(scene: Scene) -> Equilibrium:
     if hand.stiffness == 0 or rendered.stiffness == 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
     compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / holding_stiffness if holding_stiffness > 0 else 0.0)
-    structure, give = scene.device.structure, 0.0
-    if structure is not None and holding_stiffness > 0:
-        give = 1 / mechanism(scene.device, structure, FLOATS).stiffness
-        compliance = compliance + give
+    give = float(chain(scene.device, FLOATS).give) if holding_stiffness > 0 else 0.0
+    compliance += give
     force = (begin - rendered.zero) / compliance
     if rendered.wall and force < 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)

@@ -146,10 +146,11 @@ def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bo
     """Return the coefficients of the loop's resistance, Re W + Re y |W|^2 + b_h |N|^2."""
     W, exact, square = at.motor, device.converted(decimal), Enclosure(omega) * Enclosure(omega)
     found = [0 * square + W.constant.re, W.velocity.re, W.position.re, 0.0, 0.0, 0.0]
-    spring = device_response(exact.bare, Enclosure(omega), ENCLOSURES).spring
-    added = [] if spring is None else [(square * spring.y_c, W)]
+    springs = device_response(exact.bare, Enclosure(omega), ENCLOSURES).springs
+    forces = (W, *at.further)[: len(springs)]
+    added = [(square * spring.y_c, force) for spring, force in zip(springs, forces, strict=True)]
     if exact.operator is not None:
-        added.append((exact.operator.damping, Affine(Pair(1, 0)) if spring is None else at.numerator))
+        added.append((exact.operator.damping, at.numerator if springs else Affine(Pair(1, 0))))
     for factor, of in added:
         more = products(lambda x, y, k=factor: k * re_conj_product(x, y), of, of, crossed=crossed)
         found = [x + y for x, y in zip(found, more, strict=True)]

@@ -140,7 +140,7 @@ def impossible_parts(raw: dict[str, Any]) -> list[Contradiction]:
 
 def _parts(file: Stated) -> Found:
     if isinstance(file.value("device"), dict):
-        for rule in (_rates, _low_passes, _masses, _uncertain, _unmodelled):
+        for rule in (_rates, _low_passes, _springs, _masses, _uncertain, _unmodelled):
             yield from rule(file)
 
 
@@ -316,17 +316,48 @@ def _low_passes(file: Stated) -> Found:
         yield "device.velocity.resolution", 'is of a position that is differenced; write from = "difference"'
 
 
+STRUCTURES = ("structure", "structure_2", "structure_3")
+
+
+def _springs(file: Stated) -> Found:
+    """Yield springs without a stiffness or with two, springs that follow none, and more than the model has."""
+    device = file.table("device")
+    for before, key in pairwise((*STRUCTURES, "structure_4")):
+        if key in device and key not in STRUCTURES:
+            yield f"device.{key}", f"is one spring too many; at most {len(STRUCTURES)} are modelled"
+        elif key in device and before not in device:
+            yield f"device.{key}", f"is behind device.{before}, which is not there"
+    for key in STRUCTURES:
+        stated = [name for name in ("frequency_hz", "stiffness") if name in file.table(f"device.{key}")]
+        if key in device and not stated:
+            yield f"device.{key}", "needs frequency_hz, or the stiffness of the spring"
+        elif len(stated) > 1:
+            yield f"device.{key}.stiffness", "states the spring of frequency_hz again; leave one of them out"
+    if "structure_2" in device and file.impedance and file.value("stability.criterion") != "hands":
+        yield (
+            "device.structure_2",
+            "any passive hand is proved of an impedance display with one spring at most; state the hands in [operator] "
+            'and write stability.criterion = "hands"',
+        )
+
+
 def _masses(file: Stated) -> Found:
-    """Yield a handle that is not lighter than the whole device, both with their uncertainty."""
-    mass, handle, unit = file("device.mass"), file("device.structure.handle_mass"), file.units.mass
-    lightest, heaviest = file.reach("mass")[0], file.reach("structure.handle_mass")[1]
-    more = file.value(("uncertainty", "structure.handle_mass"))
-    if handle >= mass > 0:
-        message = f"{handle:g} {unit} is not less than device.mass = {mass:g} {unit}, of which it is a part"
+    """Yield handles and masses between springs that are not lighter than the whole device, with their uncertainty."""
+    keys = [key for key in STRUCTURES if key in file.table("device")]
+    mass, unit = file("device.mass"), file.units.mass
+    behind = sum(file(f"device.{key}.handle_mass") for key in keys)
+    lightest, heaviest = file.reach("mass")[0], sum(file.reach(f"{key}.handle_mass")[1] for key in keys)
+    more = next((key for key in keys if file.value(("uncertainty", f"{key}.handle_mass"))), None)
+    what = "the handle" if len(keys) == 1 else "what is behind the springs"
+    if behind >= mass > 0 and len(keys) == 1:
+        message = f"{behind:g} {unit} is not less than device.mass = {mass:g} {unit}, of which it is a part"
         yield "device.structure.handle_mass", message
-    elif heaviest >= lightest > 0 < handle:
-        message = f"lets the handle, {heaviest:g} {unit}, be as heavy as the device, {lightest:g} {unit}"
-        yield ("uncertainty", "structure.handle_mass" if more else "mass"), message
+    elif behind >= mass > 0:
+        message = f"with the others, {behind:g} {unit} is not less than device.mass = {mass:g} {unit}, their whole"
+        yield f"device.{keys[-1]}.handle_mass", message
+    elif heaviest >= lightest > 0 < behind:
+        message = f"lets {what}, {heaviest:g} {unit}, be as heavy as the device, {lightest:g} {unit}"
+        yield ("uncertainty", f"{more}.handle_mass" if more else "mass"), message
 
 
 def _uncertain(file: Stated) -> Found:

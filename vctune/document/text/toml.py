@@ -60,7 +60,7 @@ def called(path: Path) -> Path:
 def parse(text: str, source: str) -> dict[str, Any]:
     """Parse TOML."""
     try:
-        return tomllib.loads(text)
+        return unlisted(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         match = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = int(match[1]) if match and match[1] else text.count("\n") + 1
@@ -73,6 +73,16 @@ def parse(text: str, source: str) -> dict[str, Any]:
         raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None
     except ValueError:
         raise InputError.of(source, "not-toml", "not valid TOML: a number has thousands of digits") from None
+
+
+def unlisted(raw: dict[str, Any]) -> dict[str, Any]:
+    """Return tables in which [[device.structure]] is a table for each spring: structure, structure_2, structure_3."""
+    device = raw.get("device")
+    listed = device.get("structure") if isinstance(device, dict) else None
+    if not isinstance(listed, list) or not listed or "structure_2" in device:
+        return raw
+    named = {f"structure_{k + 1}" if k else "structure": one for k, one in enumerate(listed)}
+    return raw | {"device": device | named}
 
 
 class Lines:
@@ -102,7 +112,7 @@ class Lines:
         """Return the first lines of the text, parsed; None if they do not parse."""
         if count not in self._parsed:
             try:
-                self._parsed[count] = tomllib.loads("".join(self._lines[:count]))
+                self._parsed[count] = unlisted(tomllib.loads("".join(self._lines[:count])))
             except (ValueError, RecursionError):
                 self._parsed[count] = None
         return self._parsed[count]

@@ -15,9 +15,10 @@ from vctune.model.loop.filters import (
     sensor_response,
     velocity_estimate,
 )
+from vctune.model.mechanism import Link, chain
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
-from vctune.model.parts import Servo, Structure
+from vctune.model.parts import Servo
 
 
 class DriveResponse(NamedTuple):
@@ -29,17 +30,12 @@ class DriveResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """The handle on its spring: the handle's impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega
-    y_k."""
+    """A mass on its spring: the impedance Z_2 of the mass and the spring's admittance y = omega^2 y_c + j omega y_k."""
 
-    mass: Number  # mass and damping of the handle including its load, kg and N s/m; damping is None without a load
+    mass: Number  # mass and damping, with the load of a handle, kg and N s/m; damping is None without a load
     damping: Number | None
     y_c: Number  # c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
     y_k: Number
-    total: Number  # mass of the device and mass of its handle, both without a load, kg
-    own_mass: Number
-    bent: Number  # g/omega^2 = mu/(k + j omega c) = bent - j omega bent_lag, which contains no mass, s^2 and s^3
-    bent_lag: Number
 
 
 class DeviceResponse(NamedTuple):
@@ -51,35 +47,10 @@ class DeviceResponse(NamedTuple):
     drive: DriveResponse  # A H, the response of hold, delay and actuator; for a servo, of the motion to the command
     estimate: FilterResponse | None = None  # F, from the motor's velocity to the firmware's estimate; None for 1
     sensor: FilterResponse | None = None  # F_s, from the hand's force to the sensed force; None for 1
-    spring: Spring | None = None  # spring between motor and handle; None for a rigid device
+    springs: tuple[Spring, ...] = ()  # springs from the motor to the handle
     operator: Number | None = None  # b_h, the damping of the least operator, N s/m; None without an operator
     factor: Pair | None = None  # x = 1 + delta, factor of the mechanism's response; None for 1
     follows: bool = False  # whether the motion follows the command alone, as a servo's does
-
-
-@dataclass(frozen=True, slots=True)
-class Mechanism:
-    """The two masses of a structure, and the spring between them."""
-
-    motor: Number  # the two masses, kg
-    handle: Number
-    damping: Number | None  # damping of the handle, N s/m
-    stiffness: Number  # stiffness and damping of the spring, N/m and N s/m
-    viscosity: Number
-
-
-def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
-    """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12)."""
-    motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
-    reduced = motor * handle / device.mass
-    load = structure.load
-    return Mechanism(
-        motor=motor,
-        handle=handle if load is None else handle + load.mass,
-        damping=None if load is None else load.damping,
-        stiffness=reduced * (swing * swing),
-        viscosity=2 * structure.damping_ratio * reduced * swing,
-    )
 
 
 def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveResponse:
@@ -112,34 +83,22 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     late = drive_response(device, omega, ops)
     if late is not None:
         drive = _behind(drive, late, omega2)
-    estimate, mass, spring = None, device.mass, None
-    if device.velocity is not None:
-        estimate = velocity_estimate(device, omega, ops)
+    estimate = velocity_estimate(device, omega, ops) if device.velocity is not None else None
     sensor = sensor_response(device, omega, ops)
-    if device.structure is not None:
-        parts = mechanism(device, device.structure, ops)
-        loss = omega * parts.viscosity
-        below = 1 / (parts.stiffness * parts.stiffness + loss * loss)
-        rate = 2 * ops.pi * device.structure.frequency_hz
-        stiff, lossy = rate * rate, 2 * device.structure.damping_ratio * rate
-        flat = 1 / (stiff * stiff + omega2 * (lossy * lossy))
-        mass = parts.motor
-        spring = Spring(
-            parts.handle,
-            parts.damping,
-            parts.viscosity * below,
-            parts.stiffness * below,
-            device.mass,
-            device.structure.handle_mass,
-            stiff * flat,
-            lossy * flat,
-        )
+    of = chain(device, ops)
+    springs = tuple(_spring(link, of.held if link is of.links[-1] else None, omega) for link in of.links)
     factor = None
     if device.unmodelled is not None:
         radius = device.unmodelled.share * ops.interpolated(omega / (2 * ops.pi), device.unmodelled.radii)
         phase = device.unmodelled.phase
         factor = Pair(1 + radius * ops.cos(phase), radius * ops.sin(phase))
-    return DeviceResponse(omega, mass, device.damping, drive, estimate, sensor, spring, operator, factor)
+    return DeviceResponse(omega, of.motor, device.damping, drive, estimate, sensor, springs, operator, factor)
+
+
+def _spring(link: Link, held: Number | None, omega: Number) -> Spring:
+    loss = omega * link.viscosity
+    below = 1 / (link.stiffness * link.stiffness + loss * loss)
+    return Spring(link.mass, held, link.viscosity * below, link.stiffness * below)
 
 
 def _servo_response(

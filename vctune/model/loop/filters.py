@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from vctune.model.device import Device
+from vctune.model.mechanism import Row, Rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import times
 from vctune.model.sections import Section, SectionRows, sections_of_rows
@@ -135,7 +136,7 @@ def sensor_response(device: Device, omega: Number, ops: Arithmetic) -> FilterRes
 
 
 def low_pass_rates(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
+    rows: Rows, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Write the low-pass of `low_pass` into the rates of a system, in states that suit models which invert f(X)."""
     corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states  # w T
@@ -151,7 +152,7 @@ def low_pass_rates(
 
 
 def plain_low_pass_rates(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
+    rows: Rows, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Write the low-pass of `low_pass` into the rates of a system, in the states y and, for order 2, y'/w."""
     if order == 1:
@@ -163,7 +164,6 @@ def plain_low_pass_rates(
 
 
 COMMAND = "command"  # Name of the held command's column in the rates of a system
-Rows = dict[str, dict[str, Number]]  # Rates of the states, by the names of the states or inputs that drive them
 # Type of a function that writes a low-pass into the rates, such as `low_pass_rates`
 LowPassRows = Callable[[Rows, tuple[str, str], Number, int, Arithmetic], Number]
 
@@ -179,9 +179,7 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
     return None if actuator is None else low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
 
 
-def drive_rows(
-    rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = low_pass_rates
-) -> dict[str, Number]:
+def drive_rows(rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = low_pass_rates) -> Row:
     """Write the rates of the drive's states, and return the motor's force as a linear combination of states and
     command."""
     actuator = device.actuator
@@ -197,6 +195,6 @@ def drive_at_rest(device: Device) -> dict[str, float]:
     return {} if device.actuator is None else {"force": 1.0}
 
 
-def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
+def pushed(force: Row, share: Number) -> Row:
     """Return a force times a share."""
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

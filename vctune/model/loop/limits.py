@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from math import inf
 
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.numbers.matrices import add
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,25 +25,24 @@ class EndLimit:
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """The lags of a device's parts for omega -> 0, and the loss and the compliance of the device's spring."""
+    """The lags of a device's parts for omega -> 0, and the loss and the compliance of the device's springs."""
 
     drive: Number  # tau, the lag of hold, delay and actuator; for a servo of hold, delay, low-pass and interpolation, s
     estimate: Number  # lags of the velocity estimate and of the force sensor, s
     sensor: Number
-    loss: Number  # c/k^2 of the spring, m s/N
-    compliance: Number  # 1/k of the spring, m/N
+    loss: Number  # c/k^2 of the springs, m s/N
+    compliance: Number  # 1/k of the springs, m/N
 
 
 def lags(device: Device, ops: Arithmetic) -> Lags:
     """Return the lags of a device's parts for omega -> 0 (model/README.md, section 12)."""
     at = device_response(device, 0 * device.sample_time, ops)
-    spring = at.spring
     return Lags(
         drive=at.drive.lag,
         estimate=0 if at.estimate is None else at.estimate.lag,
         sensor=0 if at.sensor is None else at.sensor.lag,
-        loss=0 if spring is None else spring.y_c,
-        compliance=0 if spring is None else spring.y_k,
+        loss=reduce(add, (spring.y_c for spring in at.springs), 0),
+        compliance=reduce(add, (spring.y_k for spring in at.springs), 0),
     )
 
 

@@ -55,6 +55,7 @@ class LoopConstants(NamedTuple):
     miss: Affine
     numerator: Affine
     motor: Affine
+    further: tuple[Affine, ...] = ()  # forces of the springs after the first one, as W is that of the first
 
 
 class LoopResponse(NamedTuple):
@@ -75,12 +76,24 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     """Return the constants of a device's loop at omega > 0, with u = 1."""
     omega = at.omega
     found = _constants(at, scaled=False, position=True)
-    return LoopConstants(*(each.mapped(lambda x: Pair(x.even, omega * x.odd)) for each in found))
+
+    def pairs(of: Affine) -> Affine:
+        return of.mapped(lambda x: Pair(x.even, omega * x.odd))
+
+    return LoopConstants(
+        pairs(found.controller),
+        pairs(found.C),
+        pairs(found.D),
+        pairs(found.miss),
+        pairs(found.numerator),
+        pairs(found.motor),
+        tuple(map(pairs, found.further)),
+    )
 
 
 def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
     """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2, 12 and 13)."""
-    omega, integral, spring = at.omega, not ops.is_zero(gains.position), at.spring
+    omega, integral, rigid = at.omega, not ops.is_zero(gains.position), not at.springs
     known, nothing = _constants(at, scaled=integral, position=integral), EvenOdd(0, 0, omega * omega)
     controller, C = (each.closed(gains) or nothing for each in (known.controller, known.C))
     D, miss, N = (each.closed(gains) or nothing for each in (known.D, known.miss, known.numerator))
@@ -88,7 +101,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     if at.sensor is not None:  # |C_0|^2 is real, so its term contains only the imaginary part of F_s
         slope = slope - at.sensor.lag * controller.abs2()
     im_slope = None if integral else slope
-    lossless = at.sensor is None and ops.is_zero(at.damping) and (spring is None or spring.damping is None)
+    lossless = at.sensor is None and ops.is_zero(at.damping) and (rigid or at.springs[-1].damping is None)
     if integral and lossless:
         rest = _lossless_miss(at).closed(gains) or nothing
         im_slope = omega * (C.even * rest.odd - C.odd * rest.even)
@@ -106,14 +119,14 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     if at.follows:
         resistance = 0 * omega
     elif at.factor is not None:
-        resistance = re(D) if spring is None else re_conj(N, D)
+        resistance = re(D) if rigid else re_conj(N, D)
     else:  # Re W + Re y |W|^2 + Re Z_h |N|^2, of which no two terms cancel
         W = known.motor.closed(gains) or nothing
         resistance = re(W)
-        if spring is not None:
-            resistance = resistance + spring.y_c * (W.abs2() if integral else omega * omega * W.abs2())
+        for spring, force in zip(at.springs, (W, *(each.closed(gains) for each in known.further)), strict=not rigid):
+            resistance = resistance + spring.y_c * (force.abs2() if integral else omega * omega * force.abs2())
             resistance = resistance if spring.damping is None else resistance + spring.damping * N.abs2()
-    operator_relief, simple = None, spring is None and not at.follows
+    operator_relief, simple = None, rigid and not at.follows
     if at.operator is not None:
         resistance = resistance + at.operator * (1 if simple else N.abs2())
         operator_relief = 2 * at.operator * (re(C) if simple else re_conj(N, C))
@@ -142,8 +155,8 @@ def _constants(at: DeviceResponse, *, scaled: bool, position: bool) -> LoopConst
         return EvenOdd(even, odd, square)
 
     def raised(x: EvenOdd) -> EvenOdd:
-        """Return x times u."""
-        return number(-(square * x.odd), x.even) if scaled else x
+        """Return x times u, if the constants are."""
+        return raised_once(x) if scaled else x
 
     AH = number(at.drive.re, -at.drive.lag)
     F_s = None if at.sensor is None else number(at.sensor.re, -at.sensor.lag)
@@ -160,42 +173,73 @@ def _constants(at: DeviceResponse, *, scaled: bool, position: bool) -> LoopConst
         lost = Affine(None, C_0.velocity * number(-(square * at.estimate.loss), -at.estimate.lag))
         told = Affine(None, C_0.velocity * number(at.estimate.re, -at.estimate.lag), integrated)  # C_f
     W, D, miss, N = told.plus(Z_1), told.plus(Z_1), lost.plus(Z_1), Affine(number(1, 0 * at.omega))
-    if at.spring is not None:
-        # y = j omega f with f = g m/(m_1 m_2)/omega^2. The masses alone give j omega m (1 - g) of D_0, y Z_1 = -g
-        # m/m_2 and y Z_2 = -g m/m_1: terms of D_0 cancel near the resonance, where enclosures must be sharp
-        spring, m = at.spring, at.spring.total
-        bent = number(spring.bent, -spring.bent_lag)
-        f, g = bent.scaled(m / (at.mass * spring.own_mass)), bent.scaled(square)
-        y = number(-(square * f.odd), f.even)
-        y_Z_2 = g.scaled(-(m / at.mass))
-        N_0 = (g.scaled(-(m / spring.own_mass)) + y.scaled(at.damping)).plus(1)
-        D_0 = number(square * m * g.odd, m * (1 - g.even)) + y_Z_2.plus(1).scaled(at.damping)
-        if spring.damping is not None:  # the load of the handle adds its mass and damping to Z_2
-            load = number(spring.damping, spring.mass - spring.own_mass)
-            y_Z_2, D_0 = y_Z_2 + y * load, D_0 + load * N_0
-        D, N = told.times(y_Z_2.plus(1)).plus(raised(D_0)), told.times(f if scaled else y).plus(N_0)
-        miss = Affine(raised(D_0), _sum(y_Z_2 * told.velocity, lost.velocity), integrated and y_Z_2 * integrated)
+    further: tuple[Affine, ...] = ()
+    if at.springs:
+        masses = masses_behind(at)
+        handle, base = masses[-1], number(at.damping, at.mass)
+        carried = [each.held + base * each.kept.plus(1) for each in masses]  # the forces by the masses alone
+        D = told.times(handle.kept.plus(1)).plus(raised(carried[-1]))
+        N = told.times(handle.bent if scaled else raised_once(handle.bent))
+        N = N.plus(handle.moved + raised_once(handle.bent) * base)
+        lag = _sum(handle.kept * told.velocity, lost.velocity)
+        miss = Affine(raised(carried[-1]), lag, integrated and handle.kept * integrated)
+        further = tuple(
+            told.times(each.kept.plus(1)).plus(raised(force)) for each, force in zip(masses[:-1], carried, strict=False)
+        )
     if at.factor is not None:  # the mechanism's response times x divides its impedance by x
         x, size2 = number(at.factor.re, at.factor.im / at.omega), at.factor.abs2()
         inverse = number(x.even / size2, -(x.odd / size2))
         D, miss = (replace(each, constant=inverse * each.constant) for each in (D, miss))
         N = replace(N.times(x), constant=N.constant)
-    return LoopConstants(C_0, C_0 if F_s is None else C_0.times(F_s), D, miss, N, W)
+    return LoopConstants(C_0, C_0 if F_s is None else C_0.times(F_s), D, miss, N, W, further)
+
+
+class Moved(NamedTuple):
+    """A mass behind a spring: its velocity moved + bent u W and the force held + (1 + kept) W on what follows, for a
+    motor with the velocity 1 and the force W on the first spring."""
+
+    moved: EvenOdd
+    bent: EvenOdd
+    held: EvenOdd
+    kept: EvenOdd
+
+
+def masses_behind(at: DeviceResponse) -> list[Moved]:
+    """Return the masses behind the motor, from each to the next: v + y F moves the mass behind a spring of force F, and
+    Z v is the force on this mass."""
+    square, nothing = at.omega * at.omega, 0 * at.omega
+    last, found = Moved(EvenOdd(1, nothing, square), *[EvenOdd(nothing, nothing, square)] * 3), list[Moved]()
+    for spring in at.springs:
+        Z = EvenOdd(0 if spring.damping is None else spring.damping, spring.mass, square)
+        moved = last.moved + EvenOdd(square * spring.y_c, spring.y_k, square) * last.held
+        bent = last.bent + EvenOdd(spring.y_k, -spring.y_c, square) * last.kept.plus(1)
+        last = Moved(moved, bent, last.held + Z * moved, last.kept + Z * raised_once(bent))
+        found.append(last)
+    return found
+
+
+def raised_once(x: EvenOdd) -> EvenOdd:
+    """Return x times u = j omega."""
+    return EvenOdd(-(x.square * x.odd), x.even, x.square)
 
 
 def _lossless_miss(at: DeviceResponse) -> Affine:
     """Return (D - C_0)/(j omega) of a device without damping, load and sensor, regular at omega = 0."""
-    square, spring = at.omega * at.omega, at.spring
+    square = at.omega * at.omega
     AH, late, F = EvenOdd(at.drive.re, -at.drive.lag, square), None, EvenOdd(1, 0, square)
     if at.estimate is not None:
         late = AH * EvenOdd(-at.estimate.lag, at.estimate.loss, square)
         F = EvenOdd(at.estimate.re, -at.estimate.lag, square)
-    if spring is None:
+    if not at.springs:
         return Affine(EvenOdd(at.mass, 0, square), late)
-    bent = EvenOdd(spring.bent, -spring.bent_lag, square)
-    carried = bent.scaled(spring.total / at.mass)  # y Z_2/(j omega)^2
-    lost = EvenOdd(-(square * carried.odd), carried.even, square) * AH * F
-    return Affine(bent.scaled(-square).plus(1).scaled(spring.total), _sum(lost, late), carried * AH)
+    moved, bent = EvenOdd(1, 0 * at.omega, square), EvenOdd(0 * at.omega, 0 * at.omega, square)
+    carried, held = bent, bent  # kept/u^2 and held/u of `Moved`
+    for spring in at.springs:
+        y_u = EvenOdd(spring.y_k, -spring.y_c, square)
+        moved, bent = moved + y_u * held.scaled(-square), bent + y_u * carried.scaled(-square).plus(1)
+        held, carried = held + moved.scaled(spring.mass), carried + bent.scaled(spring.mass)
+    whole = held + carried.scaled(-square).plus(1).scaled(at.mass)
+    return Affine(whole, _sum(raised_once(carried) * AH * F, late), carried * AH)
 
 
 def _sum(x: Any, y: Any) -> Any:

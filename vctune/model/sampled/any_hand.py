@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
-from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import drive_response, drive_states
+from vctune.model.mechanism import chain
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter, offered_by_spring
@@ -153,9 +153,8 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
 def _loss(device: Device, omega: Number, ops: Arithmetic) -> Number:
     """Return g/omega^2 = c/(k^2 + (omega c)^2) of the spring."""
-    assert device.structure is not None
-    parts = mechanism(device, device.structure, ops)
-    return parts.viscosity / (parts.stiffness * parts.stiffness + (omega * parts.viscosity) * (omega * parts.viscosity))
+    (link,) = chain(device, ops).links
+    return link.viscosity / (link.stiffness * link.stiffness + (omega * link.viscosity) * (omega * link.viscosity))
 
 
 class _First(NamedTuple):

@@ -10,10 +10,8 @@ import numpy as np
 
 from vctune.model.device import Device, stacked
 from vctune.model.hands import Hand
-from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import (
     COMMAND,
-    Rows,
     drive_rows,
     drive_states,
     force_sections,
@@ -21,6 +19,7 @@ from vctune.model.loop.filters import (
     pushed,
     velocity_sections,
 )
+from vctune.model.mechanism import MOTOR, Rows, chain, forces, motion
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -264,28 +263,16 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> MechanismI
     carried, held, grip = (
         times(x, unit) for x, unit in ((hand.mass, 1 / m), (hand.damping, T / m), (hand.stiffness, T * T / m))
     )
-    own = device.damping * T / m
-    names = ["position", "velocity"]
-    names += ["bend", "handle"] if device.structure is not None else []
-    names += drive_states(device)
+    masses = chain(device, ops).in_units(m, T)
+    handle, inertia = masses.velocities[-1], masses.masses
+    inertia[handle] = add(inertia[handle], carried)
     filtered = sensor.bandwidth_hz is not None
-    names += ["felt", "felt rate"][: sensor.order] if filtered else []
-    rows: Rows = {name: {} for name in names}
-    rows["position"]["velocity"] = one
-    motor = rows["velocity"]
-    if device.structure is None:
-        handle, inertia = "velocity", {} if nothing(carried) else {"velocity": 1 + carried}
-        felt = {"position": grip, "velocity": held}
-        motor["position"], motor["velocity"] = -grip, -add(own, held)
-    else:
-        parts = mechanism(device, device.structure, ops)
-        handle, inertia = "handle", {"velocity": parts.motor / m, "handle": add(parts.handle / m, carried)}
-        spring, loss = parts.stiffness * (T * T) / m, parts.viscosity * T / m
-        felt = {"position": grip, "bend": -grip, "handle": held}
-        motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
-        rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
-        rows["handle"] = {"position": -grip, "velocity": loss, "bend": add(spring, grip), "handle": -add(loss, held)}
-    motor |= pushed(drive_rows(rows, device, ops), one)
+    names = [*masses.states, *drive_states(device), *(("felt", "felt rate")[: sensor.order] if filtered else ())]
+    rows: Rows = {name: {} for name in names} | motion(masses, one) | forces(masses)
+    felt = dict.fromkeys(masses.place, grip) | {handle: held}
+    for name, share in felt.items():
+        rows[handle][name] = add(rows[handle].get(name, 0), -share)
+    rows[MOTOR] |= pushed(drive_rows(rows, device, ops), one)
     sensed: dict[str, Number] = {}
     if filtered:
         corner = low_pass_rates(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
@@ -294,6 +281,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> MechanismI
         sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks the corner squared
     weightless = filtered or nothing(carried)
     felt_inertia = None if weightless else carried / inertia[handle]
+    inertia = {name: number for name, number in inertia.items() if type(number) is not int}
     return MechanismInHand.of(rows, inertia, sensed=sensed, felt=felt, felt_inertia=felt_inertia, handle=handle)
 
 

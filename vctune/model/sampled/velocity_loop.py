@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import NamedTuple
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.hands import Hand, LeastOperator
-from vctune.model.loop.filters import Rows, drive_rows, drive_states, pushed
+from vctune.model.hands import Hand
+from vctune.model.loop.filters import drive_rows, drive_states, pushed
+from vctune.model.mechanism import MOTOR, POSITION, Chain, Row, Rows, chain, combined
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.matrices import add, nothing, times
+from vctune.model.numbers.matrices import add, times
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.parts import Structure
 from vctune.model.sampled.circle import circle
@@ -43,7 +45,7 @@ class PlantLetGo:
     """A device without a hand over one sample."""
 
     plant: PlantInHand  # its first state is the motor's position, its second the velocity of the centre of mass
-    handle_share: Number | None = None  # handle's share of the mass; None for a rigid device
+    motor: tuple[tuple[int, Number], ...] = ()  # further states that move the motor, each with its share
 
     @property
     def states(self) -> int:
@@ -57,44 +59,63 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
     if device.structure is None:
         parts = mechanism_in_hand(device, Hand(0, 0, 0), ops)
         return PlantLetGo(over_sample(parts, device, delays, ops, let_go=True))
-    parts, mass, handle_share = _about_centre_of_mass(device, device.structure, ops)
-    return PlantLetGo(over_sample(parts, replace(device, mass=mass), delays, ops, let_go=True), handle_share)
+    parts, mass, motor = _about_centre_of_mass(device, device.structure, ops)
+    return PlantLetGo(over_sample(parts, replace(device, mass=mass), delays, ops, let_go=True), motor)
 
 
 class Flexible(NamedTuple):
-    """A flexible device about its centre of mass, where an uncertain mass does not move the resonance."""
+    """A flexible device about its centre of mass, where an uncertain mass does not move a single resonance."""
 
     parts: MechanismInHand
-    mass: Number  # mass with the load of the handle, and the handle's share of it
-    handle_share: Number
+    mass: Number  # mass with the load of the handle
+    motor: tuple[tuple[int, Number], ...]
 
 
 def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic) -> Flexible:
-    T, load = device.sample_time, structure.load or LeastOperator(0, 0)
+    """Return the equations in the velocity V of the centre of mass, and the bends with their rates.
+
+    What is behind spring k is a share s_k of the mass: the motor moves with V - sum s_k rate_k, the handle with
+    V + sum (1 - s_k) rate_k.
+    """
+    T = device.sample_time
     one = 0 * T + 1  # a number of the arithmetic, so that the code encloses the quotient below
-    mass, handle = add(device.mass, load.mass), add(structure.handle_mass, load.mass)
-    handle_share, resonance = handle / mass, 2 * ops.pi * structure.frequency_hz * T
-    motor_share, damping, held = 1 - handle_share, device.damping * T / mass, times(load.damping, T / mass)
-    stiffness, loss = resonance * resonance, 2 * structure.damping_ratio * resonance
-    if not nothing(load.mass):
-        factor = structure.handle_mass / handle * (mass / device.mass)
-        stiffness, loss = stiffness * factor, loss * factor
-    rows: Rows = {name: {} for name in ("position", "velocity", "bend", "bending", *drive_states(device))}
-    rows["position"] = {"velocity": one, "bending": handle_share}
-    rows["velocity"] = {
-        "velocity": -add(damping, held),
-        "bending": add(times(held, motor_share), -damping * handle_share),
-    }
-    rows["bend"]["bending"] = one
-    rows["bending"] = {
-        "velocity": add(times(held, 1 / handle_share), -damping / motor_share),
-        "bend": -stiffness,
-        "bending": -add(loss + damping * handle_share / motor_share, times(held, motor_share / handle_share)),
-    }
+    mass = device.mass if structure.load is None else device.mass + structure.load.mass
+    of = chain(device, ops).in_units(mass, T)
+    links, bends, held = of.links, of.bends, 0 if of.held is None else of.held
+    rates = [name.replace("bend", "bending") for name in bends]
+    behind = [reduce(add, (link.mass for link in links[k:])) for k in range(len(links))]
+    shares = [1 - behind[0], *(link.mass for link in links)]
+    motor: Row = {MOTOR: 1} | {rate: -share for rate, share in zip(rates, behind, strict=True)}
+    handle: Row = {MOTOR: 1} | {rate: 1 - share for rate, share in zip(rates, behind, strict=True)}
+    pulls = [{bends[k]: link.stiffness, rates[k]: link.viscosity} for k, link in enumerate(links)]
+    rows: Rows = {POSITION: motor | {MOTOR: one}, MOTOR: combined((motor, -of.damping), (handle, -held))}
+    for k, rate in enumerate(rates):
+        rows[bends[k]] = {rate: one}
+        ahead = (pulls[k - 1], 1 / shares[k]) if k > 0 else (motor, of.damping / shares[0])
+        ends = rate == rates[-1]
+        behind_it = (handle, times(held, -1 / shares[-1])) if ends else (pulls[k + 1], 1 / shares[k + 1])
+        rows[rate] = combined((_relative(device, structure, of, k), -1), ahead, behind_it)
+    rows |= {name: {} for name in drive_states(device)}
     force = drive_rows(rows, device, ops)
-    rows["velocity"] |= pushed(force, one)
-    rows["bending"] |= pushed(force, 1 / motor_share)
-    return Flexible(MechanismInHand.of(rows), mass, handle_share)
+    rows[MOTOR] |= pushed(force, one)
+    rows[rates[0]] |= pushed(force, -1 / shares[0])
+    names = list(rows)
+    return Flexible(MechanismInHand.of(rows), mass, tuple((names.index(rate), motor[rate]) for rate in rates))
+
+
+def _relative(device: Device, structure: Structure, of: Chain, k: int) -> Row:
+    """Return how a spring accelerates the masses at its ends towards each other; a single one by its resonance."""
+    link, bend = of.links[k], of.bends[k]
+    rate = bend.replace("bend", "bending")
+    if len(of.links) > 1:
+        ahead = of.links[k - 1].mass if k > 0 else of.motor
+        both = 1 / ahead + 1 / link.mass
+        return {bend: link.stiffness * both, rate: link.viscosity * both}
+    if structure.load is None:
+        return {bend: link.swing2, rate: link.decay}
+    handle, load = structure.handle_mass, structure.load.mass
+    heavier = handle / (handle + load) * ((device.mass + load) / device.mass)
+    return {bend: link.swing2 * heavier, rate: link.decay * heavier}
 
 
 def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
@@ -111,7 +132,9 @@ def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, positio
     solved = {state: pair(found.even, found.odd) for state, found in numerators(rows).items()}
     delayed, back = at.late(plant.delays.loop, pair), pair(at.cos, -1)
     open_loop, travel = solved[len(plant.push)], solved[0] * delayed * back
-    motor = solved[1] if of.handle_share is None else solved[1] + solved[3].scaled(of.handle_share)
+    motor = solved[1]
+    for state, share in of.motor:
+        motor = motor + solved[state].scaled(share)
     velocity = travel if plant.difference else motor * delayed
     for section in plant.filters:
         once = pair(*section.below(at.cos, at.square))

@@ -14,8 +14,9 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import HAND
-from vctune.model.loop.device_response import device_response, mechanism
-from vctune.model.loop.loop import loop_response
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import loop_response, masses_behind
+from vctune.model.mechanism import chain
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.pair import Pair, re_conj_product
 from vctune.model.numbers.units import KEYS
@@ -38,9 +39,6 @@ POLES = Effort(max_halvings=80, max_boxes=40_000)
 # Relative allowance for rounding errors, which are about 1e-12, in the frequency that `curve_end` returns and in an
 # angle
 NEAR = 1e-6
-# Greatest difference, rad, between the argument at `curve_end` and its limit, at which the prover accepts the loop as
-# stable
-ROOM = 2.0
 
 
 def sampled_curve(case: Case, theta: Number) -> Pair:
@@ -54,23 +52,23 @@ def model_curve(case: Case, omega: Number) -> Pair:
     D = loop_response(at, gains, case.ops).D_scaled
     if not case.ops.is_zero(gains.position):
         D = Pair(-D.im, D.re)
-    return D if at.spring is None else D * Pair(at.spring.y_k, at.omega * at.spring.y_c)
+    for spring in at.springs:
+        D = D * Pair(spring.y_k, at.omega * spring.y_c)
+    return D
 
 
 def along_drive(case: Case, omega: Number) -> Number:
-    """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0."""
+    """Return Re(D conj(e A H)), where D = e W + Z. It does not depend on K_p and is regular at omega = 0."""
     at, gains = device_response(case.design.device, omega, case.ops), case.design.gains
-    drive, spring = at.drive, at.spring
-    lagging = omega * drive.lag
+    drive, lagging = at.drive, omega * at.drive.lag
     H2 = drive.re * drive.re + lagging * lagging
     kept = H2 if at.estimate is None else H2 * at.estimate.re
     along = at.damping * drive.re - at.mass * omega * lagging + gains.velocity * kept
-    if spring is None:
+    if not at.springs:
         return along
-    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
-    e = Pair(omega * (omega * spring.y_c), omega * spring.y_k) * Z_2
-    e = Pair(1 + e.re, e.im)
-    return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
+    handle = masses_behind(at)[-1]
+    e, Z = (Pair(each.even, omega * each.odd) for each in (handle.kept.plus(1), handle.held))
+    return e.abs2() * along + re_conj_product(Z, e * Pair(drive.re, -lagging))
 
 
 def hand_curve(case: Case, theta: Number) -> Pair:
@@ -177,20 +175,25 @@ def sampled_turns(loop: Covered) -> Turns:
 
 def final_angle(device: Device, *, integral: bool) -> float:
     """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable."""
-    return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
+    return pi / 2 * (1 + integral + 2 * len(device.modes))
 
 
 def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit."""
-    size = ops.magnitude
-    if device.structure is None:
+    """Return a frequency beyond which the argument of `model_curve` stays within 2 rad of its limit.
+
+    There no spring pulls a mass at its ends with more than a share of its inertia, and all shares together are small.
+    """
+    size, of = ops.magnitude, chain(device, ops)
+    if not of.links:
         return 4 * max(size(K_v / device.mass), sqrt(size(K_p / device.mass)))
-    parts = mechanism(device, device.structure, ops)
-    motor, handle = parts.motor, parts.handle
-    held = 0.0 if parts.damping is None else size(parts.damping / handle)
-    rates = size(K_v / motor), 4 / 3 * size(parts.viscosity / motor), size(parts.viscosity / handle), held
-    squares = size(K_p / motor), 4 / 3 * size(parts.stiffness / motor), size(parts.stiffness / handle)
-    return (1 + NEAR) * max(*(8 * rate for rate in rates), *(sqrt(8 * square) for square in squares))
+    rates, squares, ahead = [size(K_v / of.motor)], [size(K_p / of.motor)], of.motor
+    rates += [] if of.held is None else [size(of.held / of.links[-1].mass)]
+    for link in of.links:
+        rates += [4 / 3 * size(link.viscosity / ahead), size(link.viscosity / link.mass)]
+        squares += [4 / 3 * size(link.stiffness / ahead), size(link.stiffness / link.mass)]
+        ahead = link.mass
+    share = 8 * len(of.links)
+    return (1 + NEAR) * max(*(share * rate for rate in rates), *(sqrt(share * square) for square in squares))
 
 
 def free_at_rest(demands: Demands, *, integral: bool) -> bool:
