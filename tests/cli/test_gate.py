@@ -39,6 +39,14 @@ def test_several_problems_each_with_their_own_gains(axes, jobs):
     assert second.startswith("FAILED     good.toml: with b.toml: ") and done.returncode == ExitCode.FAILED
 
 
+def test_a_check_that_fails_for_its_warnings_counts_as_failed(axes):
+    (axes / "doubted.toml").write_text('name = "aux"\n' + for_passive_hands(DEVICE))
+    done = run("check", "doubted.toml", "good.toml", "a.toml", "good.toml", "--strict", cwd=axes)
+    line, *_, summary = done.stdout.splitlines()
+    assert line.startswith("FAILED     good.toml: with doubted.toml: proved")
+    assert line.endswith("; fails for its warnings") and summary == "1 passed, 1 FAILED" and done.returncode == ExitCode.FAILED
+
+
 @pytest.mark.parametrize(
     ("names", "said"),
     [

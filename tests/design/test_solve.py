@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from math import inf
 
@@ -143,6 +144,15 @@ def test_infeasible_says_which_demand_fails_and_what_repairs_it(text, parts):
     assert solved.infeasibility.proved
     for part in parts:
         assert part in solved.infeasibility.reason
+
+
+def test_the_shortfall_is_from_the_safety_factor():
+    """Twice of R with a factor of 1.3 is short by 1.3/2."""
+    text = DEVICE + "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = { min = 1e-3, max = 5.0 }\n"
+    reason = solve(parse(text + "[stability]\nsafety_factor = 1.3\n")).infeasibility.reason
+    said = re.search(r"Re Z_c is (\S+) of the required R .* safety factor (\S+) by a factor of ([0-9.]+)", reason)
+    ratio, factor, missed = (float(number) for number in said.groups())
+    assert factor == 1.3 and missed == pytest.approx(factor / ratio, rel=1e-3)
 
 
 def test_fixed_design_is_judged_as_it_stands():

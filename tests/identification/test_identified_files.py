@@ -228,6 +228,8 @@ def test_a_log_slower_than_its_loop_holds_the_delay_within_a_row(moved, repeated
     found = identified(sparse, tmp_path, f"sample_time = {T}\n").found
     mass, delay = found.bounded("mass"), found.bounded("delay")
     assert found.device.sample_time == T and coded(found.record.remarks, "remark-slow-log")
+    said = str(found.record.remarks)
+    assert f"the loop runs every {T:g} s and the log has a row every {3 * T:g} s" in said
     assert mass.low <= DEVICE.mass <= mass.high and delay.low <= DEVICE.delay <= delay.high and delay.high >= 2 * T
     with pytest.raises(InputError, match="too fast"):  # a command that moves between the rows
         identified({name: values[::3] for name, values in repeated.items()}, tmp_path, f"sample_time = {T}\n")

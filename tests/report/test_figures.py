@@ -21,6 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from pages import PARTS, SERVO, recorded
+from servo_logs import servo_case
 
 import vctune
 from vctune.document.reading import ProblemFile, parse_problem
@@ -30,6 +31,7 @@ from vctune.model.problem import Problem
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures
 from vctune.report.experiments import simulation_figure
+from vctune.report.identification import draw_numbers
 from vctune.report.page import summary
 from vctune.report.panels import draw_error, draw_impedance, draw_nyquist, draw_ratio, draw_required
 from vctune.report.paths import DESIGN_FIGURES
@@ -332,6 +334,26 @@ def test_what_the_hand_feels_is_drawn_with_its_environments(kind: str) -> None:
     assert line(axes, "bare device")[1] == pytest.approx(
         np.abs(1 / mechanism(tables["device"], s, DOUBLES)[0]), rel=1e-6
     )
+
+
+def test_a_shaded_band_ends_where_it_is_stated_to_end() -> None:
+    _, problem, gains, coupling = stated(KINDS["any passive hand"] + "[transparency]\nband_hz = [2.0, 30.0]\n")
+    axes = draw_error(panel(), problem, gains, coupling)
+    (band,) = (patch for patch in axes.patches if patch.get_label() == "transparency band")
+    assert [band.get_x(), band.get_x() + band.get_width()] == pytest.approx([2.0, 30.0])
+
+
+def test_what_was_found_in_a_log_is_drawn_with_two_standard_deviations(tmp_path) -> None:
+    case = servo_case(3, n=800)
+    axes, record = panel(), vctune.identify(case.write(tmp_path), servo=True).record
+    draw_numbers(axes, record)
+    found = [(each.value, one) for each in record.numbers for one in each.estimates]
+    assert len(axes.containers) >= len(found) > 0
+    bars = [each for each in axes.containers if hasattr(each, "has_xerr")]
+    for (middle, one), bar in zip(found, bars, strict=True):
+        (low, high) = bar.lines[2][0].get_segments()[0][:, 0]
+        assert high - low == pytest.approx(4 * 100 * (one.sigma or 0.0) / middle)
+        assert (low + high) / 2 == pytest.approx(100 * (one.value / middle - 1))
 
 
 def test_the_points_of_a_sweep_are_those_of_their_designs() -> None:

@@ -67,7 +67,7 @@ def _figure(found: Identified, record: IdentificationRecord) -> Figure:
         _response(axes, lines, found, study.recording.name)
         over = "measured / commanded" if found.device.servo else f"position / {units.force_name},\n{units.compliance}"
         axes.set_ylabel(over)
-    _numbers(next(panels), record)
+    draw_numbers(next(panels), record)
     return figure
 
 
@@ -102,7 +102,8 @@ def _response(axes: Axes, lines: Lines, found: Identified, name: str) -> None:
     legend_above(axes, 3)
 
 
-def _numbers(axes: Axes, record: IdentificationRecord) -> None:
+def draw_numbers(axes: Axes, record: IdentificationRecord) -> None:
+    """Draw the box of each number, and what was found of it, in per cent off the middle of the box."""
     for row, each in enumerate(record.numbers):
         ends = np.array([each.low, each.high]) / each.value - 1
         label = "" if row else "box"

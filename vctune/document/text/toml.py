@@ -78,8 +78,10 @@ def parse(text: str, source: str) -> dict[str, Any]:
 def unlisted(raw: dict[str, Any]) -> dict[str, Any]:
     """Return tables in which [[device.structure]] is a table for each spring: structure, structure_2, structure_3."""
     device = raw.get("device")
-    listed = device.get("structure") if isinstance(device, dict) else None
-    if not isinstance(listed, list) or not listed or "structure_2" in device:
+    if not isinstance(device, dict) or "structure_2" in device:
+        return raw
+    listed = device.get("structure")
+    if not isinstance(listed, list) or not listed:
         return raw
     named = {f"structure_{k + 1}" if k else "structure": one for k, one in enumerate(listed)}
     return raw | {"device": device | named}
