@@ -44,7 +44,11 @@ def test_a_check_that_fails_for_its_warnings_counts_as_failed(axes):
     done = run("check", "doubted.toml", "good.toml", "a.toml", "good.toml", "--strict", cwd=axes)
     line, *_, summary = done.stdout.splitlines()
     assert line.startswith("FAILED     good.toml: with doubted.toml: proved")
-    assert line.endswith("; fails for its warnings") and summary == "1 passed, 1 FAILED" and done.returncode == ExitCode.FAILED
+    assert (
+        line.endswith("; fails for its warnings")
+        and summary == "1 passed, 1 FAILED"
+        and done.returncode == ExitCode.FAILED
+    )
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.responses import Loop
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.hands import Hand, stacked
+from vctune.model.hands import Hand, hands_as_one
 from vctune.model.loop.filters import force_sections
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import EvenOdd
@@ -57,7 +57,7 @@ def caused_by(
     """Return what the steps of a reading, which the device must state, cause in some hands before some environments."""
     step = read_in_steps(device) if reading == "encoder" else device.sensing.resolution
     assert step is not None
-    plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+    plant = plant_in_hand(device, hands_as_one(hands, (-1, 1)), delays_of(device), FLOATS)
 
     def sums(world: World) -> Floats:
         def answers(theta: Floats) -> list[Any]:

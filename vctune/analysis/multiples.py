@@ -22,7 +22,7 @@ from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
-from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.hands import Hand, Hands, hands_as_one
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_hand
 from vctune.model.sampled.loop_in_worlds import offered_at, real_at_nyquist
@@ -88,7 +88,7 @@ def ratio_in_these(
     theta = angles_of(device)
     if worlds is not None:
         return LoopsInWorlds.of(device, gains, hands, worlds, theta).ratio(coupling)
-    plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+    plant = plant_in_hand(device, hands_as_one(hands, (-1, 1)), delays_of(device), FLOATS)
     need = float(np.nanmax(needs_in_hands(loop_in_hand(plant, theta, FLOATS), device, gains, coupling, theta, None)))
     return 1 / need if need > 0 else inf
 
@@ -119,7 +119,7 @@ class LoopsInWorlds:
         """Return the loop with given gains, at angles that are dense enough for its limit if none are given."""
         check_time()
         theta = angles_of(device) if angles is None else angles
-        plant = plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS)
+        plant = plant_in_hand(device, hands_as_one(hands, (-1, 1)), delays_of(device), FLOATS)
         seen = seen_in_hand(loop_in_hand(plant, theta, FLOATS), gains)
         with np.errstate(all="ignore"):
             parts = [np.asarray(seen.lost / seen.size), np.asarray(seen.swing / seen.size) / np.sin(theta / 2)]
@@ -228,7 +228,7 @@ def least_ratio_with_walls(
 
     def worst_of(near: list[Hand], angles: Floats, best: Place) -> Place:
         check_time()
-        plant = plant_in_hand(device, stacked(near, (-1, 1)), delays_of(device), FLOATS)
+        plant = plant_in_hand(device, hands_as_one(near, (-1, 1)), delays_of(device), FLOATS)
         at, seen = met_in_hand(loop_in_hand(plant, angles, FLOATS), device, gains, coupling, angles, FLOATS)
 
         def room(share: float) -> Floats:

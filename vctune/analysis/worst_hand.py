@@ -18,7 +18,7 @@ from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
-from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.hands import Hand, Hands, hands_as_one
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand
@@ -118,7 +118,7 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
     angle before it."""
     assert demands.worlds is not None
     check_time()
-    found = sums(margins_in_worlds(case_at(design, replace(demands, factor=1.0), stacked(hands, (-1, 1))), angles))
+    found = sums(margins_in_worlds(case_at(design, replace(demands, factor=1.0), hands_as_one(hands, (-1, 1))), angles))
     resistive, above, below = (np.broadcast_to(each, (len(hands), angles.size)) for each in found)
     crossed = (above[:, :-1] < 0) & (below[:, 1:] < 0) | (below[:, :-1] < 0) & (above[:, 1:] < 0)
     share = np.clip(above[:, :-1] / (above[:, :-1] - above[:, 1:]), 0.0, 1.0)
@@ -180,7 +180,9 @@ class LoopsBeforeWall:
     def of(cls, device: Device, hands: list[Hand], angles: Floats) -> LoopsBeforeWall:
         """Return the loop of a device."""
         check_time()
-        loop = loop_in_hand(plant_in_hand(device, stacked(hands, (-1, 1)), delays_of(device), FLOATS), angles, FLOATS)
+        loop = loop_in_hand(
+            plant_in_hand(device, hands_as_one(hands, (-1, 1)), delays_of(device), FLOATS), angles, FLOATS
+        )
         assert isinstance(loop, ForceInHand)
         parts = (loop.open, loop.velocity, loop.position)
         values = (np.asarray(part.even + 1j * np.sin(angles / 2) * part.odd) for part in parts)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vctune.api.result import Files, Rows, Table, write
+from vctune.api.result import Files, Printed, Table, write
 from vctune.document.log import read_log_map, read_logs
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.records.identification_json import DEVICE_FILE, FILE, IdentificationRecord, device_text
@@ -39,7 +39,7 @@ class Identification:
         """The object of identification.json."""
         return self.found.record
 
-    def rows(self) -> Rows:
+    def rows(self) -> Printed:
         """Yield the recordings, the parameters with their intervals, the warnings and the remarks."""
         record = self.record
         yield ((printable(record.name), "bold"),)

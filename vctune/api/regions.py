@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.api.argument_ranges import RESOLUTIONS
-from vctune.api.result import Files, Rows, code_of
+from vctune.api.result import Files, Printed, code_of
 from vctune.design.judging.judge import Status
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
@@ -77,7 +77,7 @@ class AdmissibleGains:
         """Return the object of region.json."""
         return region_record(self.file, self.region, self.designs).to_json()
 
-    def rows(self) -> Rows:
+    def rows(self) -> Printed:
         """Yield the share of the plane for each verdict, and the axes of the plane."""
         lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in self.areas.items()]
         if self.region.interrupted:

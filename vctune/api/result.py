@@ -27,7 +27,7 @@ class Table(NamedTuple):
     right: tuple[int, ...] = ()  # columns of numbers
 
 
-Rows = Iterator[Line | Table]
+Printed = Iterator[Line | Table]
 
 
 class Result(Protocol):
@@ -35,7 +35,7 @@ class Result(Protocol):
 
     @property
     def exit_code(self) -> ExitCode: ...
-    def rows(self) -> Rows: ...
+    def rows(self) -> Printed: ...
     def files(self, folder: Path) -> Files: ...
 
 

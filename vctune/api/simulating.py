@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.api.result import DESIGN_FILE, Files, RefusedError, Rows, Table, write
+from vctune.api.result import DESIGN_FILE, Files, Printed, RefusedError, Table, write
 from vctune.api.solving import designed
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
@@ -58,7 +58,7 @@ class Simulation:
         """Return the object of simulation.json."""
         return self.measured().to_json()
 
-    def rows(self) -> Rows:
+    def rows(self) -> Printed:
         """Yield the measures of each run."""
         yield ((printable(self.file.problem.name), "bold"),)
         rows = [tuple(map(printable, row)) for row in measured_rows(self.measured())]

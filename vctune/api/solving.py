@@ -11,7 +11,7 @@ from shlex import quote
 from typing import Any
 
 from vctune.api.argument_ranges import GAPS, STDIN
-from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Rows, Table, code_of, write
+from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Printed, Table, code_of, write
 from vctune.design.advice.prices import with_prices
 from vctune.design.advice.repair import with_repairs
 from vctune.design.design_record import record_of
@@ -112,7 +112,7 @@ class SavedDesign:
     found: DesignRecord
     exit_code: ExitCode
 
-    def rows(self) -> Rows:
+    def rows(self) -> Printed:
         """Yield the status and the proved claims, the numbers, the repairs and the warnings."""
         return rows_of(self.found)
 
@@ -160,7 +160,7 @@ def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Save
     return SavedDesign(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
 
 
-def rows_of(record: DesignRecord) -> Rows:
+def rows_of(record: DesignRecord) -> Printed:
     """Yield what a design says: its status and claims, its numbers, its repairs and its warnings."""
     idle = ", but it hardly uses its velocity loop" if record.idle else ""
     limp = ", but its K_p holds no static force" if record.felt and record.felt.limp and not idle else ""

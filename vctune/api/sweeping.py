@@ -10,7 +10,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, get_args
 
-from vctune.api.result import Files, Rows, write
+from vctune.api.result import Files, Printed, write
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.records.part import text
@@ -57,7 +57,7 @@ class Swept:
             return ExitCode.FAILED
         return ExitCode.UNDECIDED if self.cut else ExitCode.OK
 
-    def rows(self) -> Rows:
+    def rows(self) -> Printed:
         """Yield counts by status, the best and the worst design, the yardstick, and the corner without designs."""
         found = self.summary
         idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}

@@ -103,7 +103,7 @@ PEERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SolverRow:
     """The result of one solver on one problem."""
 
     criterion: str
@@ -132,7 +132,7 @@ def judged(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     """Run every solver on the reference problems."""
-    rows: list[Row] = []
+    rows: list[SolverRow] = []
     for criterion in CRITERIA:
         for name, problem in reference_problems(criterion, 1 if quick else None).items():
             rows += _problem_rows(criterion, name, problem, seed, tick)
@@ -152,16 +152,16 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     )
 
 
-def _problem_rows(criterion: str, name: str, problem: Problem, seed: int, tick: Tick) -> list[Row]:
+def _problem_rows(criterion: str, name: str, problem: Problem, seed: int, tick: Tick) -> list[SolverRow]:
     """Return the rows of vctune and of all other solvers on one problem."""
     tick(f"{criterion}, {name}: {OURS}")
     solve(problem)  # compiles the solver, which is not timed
     solved, seconds = timed(partial(solve, problem))
     assert solved.judgement is not None
 
-    def row(solver: str, seconds: float, late: bool, succeeded: bool, *design: *tuple[Gains, AnyCoupling]) -> Row:
+    def row(solver: str, seconds: float, late: bool, succeeded: bool, *design: *tuple[Gains, AnyCoupling]) -> SolverRow:
         error, missed, verdict, sound = judged(problem, *design)
-        return Row(criterion, name, solver, seconds, late, succeeded, error, nan, missed, verdict, sound)
+        return SolverRow(criterion, name, solver, seconds, late, succeeded, error, nan, missed, verdict, sound)
 
     rows = [row(OURS, seconds, False, True, solved.judgement.gains, solved.judgement.coupling)]
     prepared = prepare(problem)
@@ -181,7 +181,7 @@ def _problem_rows(criterion: str, name: str, problem: Problem, seed: int, tick: 
     return [replace(row, gap=row.error / best - 1) for row in rows]
 
 
-def facts(rows: list[Row]) -> list[str]:
+def facts(rows: list[SolverRow]) -> list[str]:
     """Return the findings on one criterion: how good, how fast and how often refuted each solver's answers are."""
     ours = {row.problem: row for row in rows if row.solver == OURS}
     found = []
@@ -203,7 +203,7 @@ def facts(rows: list[Row]) -> list[str]:
     return [*found, f"The prover and the independent evaluator contradict each other {wrong} times."]
 
 
-def _panel(rows: list[Row]) -> Panel:
+def _panel(rows: list[SolverRow]) -> Panel:
     """Draw the error over the run time under one criterion."""
     series = []
     for solver in dict.fromkeys(row.solver for row in rows):

@@ -80,7 +80,7 @@ def _document(rng: np.random.Generator) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StressRow:
     """The result for one device."""
 
     number: int  # index of the device in the series
@@ -93,7 +93,7 @@ class Row:
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     """Solve and check random devices."""
-    count, rows = QUICK if quick else FULL, list[Row]()
+    count, rows = QUICK if quick else FULL, list[StressRow]()
     with worker_pool("processes", available_cores()) as pool:
         for future in [pool.executor.submit(examined, seed, number) for number in range(count)]:
             rows.append(future.result())
@@ -107,24 +107,24 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     return Measured("Devices over ten decades", read, rows, findings(rows), [panel])
 
 
-def examined(seed: int, number: int) -> Row:
+def examined(seed: int, number: int) -> StressRow:
     """Solve a device and check the result."""
     document, problem = device(seed, number)
     said, began, wrong = json.dumps(document), process_time(), ""
     try:
         solved = solve(problem)
     except Exception as error:  # a failure becomes a row, because the benchmark looks for failures
-        return Row(number, FAILED, process_time() - began, "", f"{type(error).__name__}: {error}", said)
+        return StressRow(number, FAILED, process_time() - began, "", f"{type(error).__name__}: {error}", said)
     seconds, judgement, status = process_time() - began, solved.judgement, solved.status.value
     if seconds > PATIENCE or (judgement is not None and not np.isfinite(judgement.transparency.error)):
-        return Row(number, FAILED, seconds, "", "too slow, or the error is no number", said)
+        return StressRow(number, FAILED, seconds, "", "too slow, or the error is no number", said)
     if judgement is not None:
         wrong = contradiction(problem, judgement)
     elif status == "infeasible" and (found := feasible_design(problem)) is not None:
         wrong = f"an independent scan finds {found}"
     if status in ("certified", "infeasible") and not wrong:
-        return Row(number, status, seconds, "", "", "")
-    return Row(number, status, seconds, wrong, solved.infeasibility.reason if solved.infeasibility else "", said)
+        return StressRow(number, status, seconds, "", "", "")
+    return StressRow(number, status, seconds, wrong, solved.infeasibility.reason if solved.infeasibility else "", said)
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> str:
@@ -163,7 +163,7 @@ def _log_spaced(bounds: Range, count: int) -> list[float]:
     return [bounds.min, *inner[bounds.min > 0 : -1], bounds.max]
 
 
-def findings(rows: list[Row]) -> list[str]:
+def findings(rows: list[StressRow]) -> list[str]:
     """Return the findings: the results of the devices, and wrong verdicts."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())

@@ -21,7 +21,7 @@ from vctune.running import OutOfTimeError, check_time, progress_sent_to, time_li
 
 if TYPE_CHECKING:
     from vctune import Problem, ProblemFile
-    from vctune.api.result import Result, Rows
+    from vctune.api.result import Printed, Result
     from vctune.document.text.errors import Code
 
 Progress = Callable[[str], None]  # Type of a function that receives the current stage
@@ -122,7 +122,7 @@ class Run:
     def say(
         self,
         data: Callable[[], Any],
-        rows: Callable[[], Rows],
+        rows: Callable[[], Printed],
         folder: Path | None = None,
         steps: Sequence[str] = (),
         *,

@@ -9,14 +9,14 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-from vctune.api.result import Rows, Table
+from vctune.api.result import Printed, Table
 
 NARROW = 80  # Width, characters, below which the headings of groups have lines of their own on a terminal
 WIDE = 120  # Width of a table without heads if stdout is not a terminal: its last column wraps
 ENDLESS = 1000  # Width of tables that must not be wrapped
 
 
-def print_rows(rows: Rows, folder: Path | None, steps: Sequence[str], *, always: bool) -> None:
+def print_rows(rows: Printed, folder: Path | None, steps: Sequence[str], *, always: bool) -> None:
     """Print either all rows or nothing, the folder of the files and, on a terminal or `always`, the next steps."""
     console = Console(highlight=False)
     terminal, width = console.is_terminal, console.width

@@ -17,7 +17,7 @@ from vctune.analysis.in_worlds import binding_world
 from vctune.design.felt_record import CONTACT, contact_record, first_command, in_hand_record
 from vctune.design.judging.judge import Judgement, LeastRatio
 from vctune.design.nlp.solution import Polished
-from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, stacked
+from vctune.design.nlp.working_set import CONSTRAINT_KINDS, ConstraintPoint, points_as_one
 from vctune.design.prepared import problems_beside
 from vctune.design.rest_record import REST, rest_record
 from vctune.design.result import Solved
@@ -433,7 +433,7 @@ def _priced(polished: Polished) -> Floats:
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     operator = ratio[0].device.operator if ratio else None
     if operator is not None and operator.damping > 0:
-        device, omega = stacked(ratio)
+        device, omega = points_as_one(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
         multipliers[: len(ratio)] *= llewellyn_excess(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers

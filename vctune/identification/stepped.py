@@ -163,7 +163,7 @@ def _from_the_input(A: Floats, B: Floats, parts: Sequence[tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True)
-class Part:
+class RowPart:
     """A part of each row, before or after the next command acts, of all devices."""
 
     length: Floats  # s, shape (devices, 1)
@@ -234,7 +234,7 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     for length, each in zip(lengths, acting, strict=True):
         F, G = propagators(A, B, length)
         rest = np.matmul((B[:, 1:2] * motor[:, None, None]), each[:, :, :3])[:, :, 0]
-        parts.append(Part(length[:, None], A, B, F, G, each, np.matmul(G, each), rest))
+        parts.append(RowPart(length[:, None], A, B, F, G, each, np.matmul(G, each), rest))
     z = np.zeros((len(devices), A.shape[1], starts.size))
     known = slice(
         1 if drive.servo else 4 if "handle_mass" in devices[0] else 2, A.shape[1]
@@ -247,7 +247,7 @@ def stepped(drive: Drive, devices: Sequence[Numbers], first: Floats, starts: NDA
     return _read(drive, parts, rubbing, z)
 
 
-def _read(drive: Drive, parts: Sequence[Part], rubbing: Rubbing, z: Floats) -> Floats:
+def _read(drive: Drive, parts: Sequence[RowPart], rubbing: Rubbing, z: Floats) -> Floats:
     """Return the readings of all rows from the states at the first."""
     rows, (before, after) = len(parts[0].acting), parts
     read = np.empty((rows, len(drive.reads), len(z), z.shape[2]))
@@ -265,7 +265,7 @@ def _read(drive: Drive, parts: Sequence[Part], rubbing: Rubbing, z: Floats) -> F
     return read
 
 
-def _over(part: Part, i: int, z: Floats, rubbing: Rubbing) -> Floats:
+def _over(part: RowPart, i: int, z: Floats, rubbing: Rubbing) -> Floats:
     """Return the states after a part of row i, with friction and gravity."""
     v, h, holds, motor = z[:, 1], part.length, rubbing.holds, rubbing.motor
     middle = z[:, 0] + v * h / 2

@@ -320,7 +320,7 @@ class Device:
         return self.delay if self.servo is None else self.servo.delay
 
 
-def stacked(devices: Sequence[Device], shape: tuple[int, ...] = (-1,)) -> Device:
+def devices_as_one(devices: Sequence[Device], shape: tuple[int, ...] = (-1,)) -> Device:
     """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree."""
     first, *others = devices
     if not others:

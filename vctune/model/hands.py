@@ -189,7 +189,7 @@ def _difference(a: Number, b: Number) -> float:
     return float(Decimal(repr(float(a))) - Decimal(repr(float(b))))
 
 
-def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
+def hands_as_one(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
     """Return several hands as one hand whose numbers are arrays."""
     each = {name: np.array([getattr(hand, name) for hand in hands], float).reshape(shape) for name in NAMES}
     return Hand(**each)
@@ -227,4 +227,4 @@ class PlacesInHands:
     @classmethod
     def of(cls, places: Sequence[tuple[float, Hand]]) -> PlacesInHands:
         """Return places of shape (n,), made from n pairs (frequency or angle, hand)."""
-        return cls(np.array([at for at, _ in places], float), stacked([hand for _, hand in places]))
+        return cls(np.array([at for at, _ in places], float), hands_as_one([hand for _, hand in places]))

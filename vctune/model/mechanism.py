@@ -13,8 +13,8 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import add, times
 from vctune.model.parts import Structure
 
-Row = dict[str, Number]  # a linear combination of states and inputs, by name
-Rows = dict[str, Row]  # rates of the states, by name
+Combination = dict[str, Number]  # a linear combination of states and inputs, by name
+Rates = dict[str, Combination]  # rates of the states, by name
 POSITION, MOTOR, HANDLE = "position", "velocity", "handle"  # of the motor, and the velocity of a handle on a spring
 
 
@@ -59,7 +59,7 @@ class Chain(NamedTuple):
         return dict(zip(self.velocities, (self.motor, *(link.mass for link in self.links)), strict=True))
 
     @property
-    def place(self) -> Row:
+    def place(self) -> Combination:
         """The handle's position."""
         return dict.fromkeys((POSITION, *self.bends), 1)
 
@@ -109,31 +109,31 @@ def linked(
     return Chain(motor, damping, tuple(links), load.damping)
 
 
-def forces(of: Chain) -> Rows:
+def forces(of: Chain) -> Rates:
     """Return the force on each mass that springs and dampers of the chain exert, by the name of its velocity."""
     motor, handle = of.velocities[0], of.velocities[-1]
-    found: Rows = {name: {} for name in of.velocities}
+    found: Rates = {name: {} for name in of.velocities}
     found[motor] = {motor: -of.damping}
     if of.held is not None:
         found[handle] = combined((found[handle], 1), ({handle: of.held}, -1))
     for link, bend, ahead, behind in zip(of.links, of.bends, of.velocities, of.velocities[1:], strict=False):
-        pulled: Row = {bend: link.stiffness, behind: link.viscosity, ahead: -link.viscosity}
+        pulled: Combination = {bend: link.stiffness, behind: link.viscosity, ahead: -link.viscosity}
         found[ahead] = combined((found[ahead], 1), (pulled, 1))
         found[behind] = combined((found[behind], 1), (pulled, -1))
     return found
 
 
-def motion(of: Chain, one: Number) -> Rows:
+def motion(of: Chain, one: Number) -> Rates:
     """Return the rates of positions and bends; `one` is 1 in the arithmetic of the chain."""
-    found: Rows = {POSITION: {MOTOR: one}}
+    found: Rates = {POSITION: {MOTOR: one}}
     for bend, ahead, behind in zip(of.bends, of.velocities, of.velocities[1:], strict=False):
         found[bend] = {ahead: -one, behind: one}
     return found
 
 
-def combined(*parts: tuple[Row, Number]) -> Row:
+def combined(*parts: tuple[Combination, Number]) -> Combination:
     """Return the sum of rows times factors. Those of 1 and -1 round nothing."""
-    found: Row = {}
+    found: Combination = {}
     for row, factor in parts:
         for name, share in row.items():
             plain = type(factor) is int and abs(factor) == 1

@@ -258,7 +258,7 @@ class Unmodelled:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DevicePart:
     """A table of [device] that describes a non-ideal part."""
 
     record: type  # type of the field of `Device`
@@ -282,15 +282,15 @@ DEVICE_NUMBERS = (
     Key("", "time", "delay", name="delay"),
 )
 # The parts of a device, by their keys
-PARTS: Mapping[str, Part] = MappingProxyType(
+PARTS: Mapping[str, DevicePart] = MappingProxyType(
     {
-        "velocity": Part(VelocityEstimate, "velocity estimate", VelocityEstimate()),
-        "actuator": Part(Actuator, "actuator"),
-        "force_sensor": Part(ForceSensor, "force sensor", ForceSensor()),
-        "structure": Part(Structure, "handle on a spring"),
-        "structure_2": Part(Structure, "second spring", which=" 2"),
-        "structure_3": Part(Structure, "third spring", which=" 3"),
-        "servo": Part(Servo, "servo"),
+        "velocity": DevicePart(VelocityEstimate, "velocity estimate", VelocityEstimate()),
+        "actuator": DevicePart(Actuator, "actuator"),
+        "force_sensor": DevicePart(ForceSensor, "force sensor", ForceSensor()),
+        "structure": DevicePart(Structure, "handle on a spring"),
+        "structure_2": DevicePart(Structure, "second spring", which=" 2"),
+        "structure_3": DevicePart(Structure, "third spring", which=" 3"),
+        "servo": DevicePart(Servo, "servo"),
     }
 )
 # Descriptions of all parameters of a device, by their keys in its table

@@ -12,7 +12,7 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.experiment import MovingHand
 from vctune.model.loop.filters import drive_rows, drive_states, plain_low_pass_rates
-from vctune.model.mechanism import MOTOR, Chain, Rows, chain, forces, motion
+from vctune.model.mechanism import MOTOR, Chain, Rates, chain, forces, motion
 from vctune.model.numbers.arithmetic import FLOATS, Floats, Number
 from vctune.model.numbers.matrices import exponential_less_one
 
@@ -81,7 +81,7 @@ def plant(device: Device, hand: MovingHand) -> Plant:
 
 def _pushed(device: Device, of: Chain, hand: MovingHand, row_of: RowOf, rates: RowOf) -> tuple[Floats, Floats, Floats]:
     """Add the rates of a device that the hand pushes. Return the handle's position and velocity, and f_h."""
-    rows: Rows = {name: {} for name in drive_states(device)}
+    rows: Rates = {name: {} for name in drive_states(device)}
     motor = _sum(drive_rows(rows, device, FLOATS, plain_low_pass_rates), row_of)
     rates |= {name: _sum(row, row_of) / device.sample_time for name, row in rows.items()}
     rates |= {name: _sum(row, row_of) for name, row in motion(of, 1.0).items()}

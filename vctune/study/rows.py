@@ -24,7 +24,7 @@ from vctune.version import __version__
 
 FAILED = "failed"  # Status of a point whose worker died or failed
 
-Row = dict[str, Any]
+PointRow = dict[str, Any]
 
 
 def key_of(problem: Problem) -> str:
@@ -43,15 +43,15 @@ def invalid_key(document: dict[str, Any]) -> str:
 
 
 @dataclass(slots=True)
-class Rows:
+class StudyRows:
     """An open file of rows."""
 
     path: Path  # path of the file, and its file descriptor
     handle: int
-    known: dict[str, Row] = field(default_factory=dict)  # latest row of each key that needs no further try
+    known: dict[str, PointRow] = field(default_factory=dict)  # latest row of each key that needs no further try
     dropped: int = 0  # number of lines that were not complete rows
 
-    def append(self, row: Row) -> None:
+    def append(self, row: PointRow) -> None:
         """Append the row of a finished point."""
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         try:
@@ -63,7 +63,7 @@ class Rows:
 
 
 @contextmanager
-def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
+def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[StudyRows]:
     """Open the rows of a study, creating the file if needed. Only one process at a time may write the file."""
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:
@@ -97,11 +97,11 @@ def _opened(path: Path) -> Iterator[int]:
         os.close(handle)
 
 
-def _read(path: Path, handle: int, study: Study, time_limit: float) -> Rows:
+def _read(path: Path, handle: int, study: Study, time_limit: float) -> StudyRows:
     """Read the rows of a file, and cut off a torn last line. Rows that a lower time limit cut short are left out."""
     header, *lines = path.read_bytes().splitlines(keepends=True)
     _check_header(path, header, study)
-    rows = Rows(path, handle)
+    rows = StudyRows(path, handle)
     for line in lines:
         row = _parsed(line)
         if row is None:
@@ -115,7 +115,7 @@ def _read(path: Path, handle: int, study: Study, time_limit: float) -> Rows:
     return rows
 
 
-def _parsed(line: bytes) -> Row | None:
+def _parsed(line: bytes) -> PointRow | None:
     """Return the row or the header on a line; None if the line is torn."""
     try:
         row = json.loads(line)

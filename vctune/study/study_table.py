@@ -23,7 +23,7 @@ from vctune.document.text.json import printed
 from vctune.document.text.toml import value_at
 from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
-from vctune.study.rows import Rows
+from vctune.study.rows import StudyRows
 
 AxisValues = tuple[float, ...]
 
@@ -148,7 +148,7 @@ def number_columns(study: Study) -> list[str]:
     return [name for name in QUANTITY_OF_COLUMN if name not in absent]
 
 
-def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
+def table_of(study: Study, rows: StudyRows, keys: list[str]) -> Table:
     """Return the table of a study, with the numbers that designs of its display have."""
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     device, found = study.document["device"], [rows.known[key] for key in keys]

@@ -26,7 +26,7 @@ from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.executors import WorkerPool
-from vctune.study.rows import FAILED, Row, Rows, constraints_key, invalid_key, key_of
+from vctune.study.rows import FAILED, PointRow, StudyRows, constraints_key, invalid_key, key_of
 from vctune.study.study_table import AxisValues, points
 
 # Only one thread at a time solves, because the threads of a process share solvers
@@ -102,19 +102,19 @@ class _Sweep:
     """The state of a sweep."""
 
     study: Study  # arguments of `sweep`
-    rows: Rows
+    rows: StudyRows
     pool: WorkerPool
     on_done: OnDone
     time_limit: float
     statuses: Counter[str] = field(default_factory=Counter)
     best: float = inf  # least error of a certified point
-    infeasible: dict[str, Row] = field(default_factory=dict)  # results that hold for all weights of the error
-    pending: dict[Future[Row], _Task] = field(default_factory=dict)  # points at the workers
+    infeasible: dict[str, PointRow] = field(default_factory=dict)  # results that hold for all weights of the error
+    pending: dict[Future[PointRow], _Task] = field(default_factory=dict)  # points at the workers
     retries: list[_Task] = field(default_factory=list)  # points whose worker died
 
 
 def sweep(
-    study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda known: None, time_limit: float = inf
+    study: Study, rows: StudyRows, pool: WorkerPool, on_done: OnDone = lambda known: None, time_limit: float = inf
 ) -> list[str]:
     """Solve every point of a study that has no row yet. Return the key of each point's row, in the study's order."""
     state, keys = _Sweep(study, rows, pool, on_done, time_limit), []
@@ -160,7 +160,7 @@ def _collect(state: _Sweep, most: int) -> None:
         _solved(state, task, future, row_without_design(FAILED, DIED))
 
 
-def _solved(state: _Sweep, task: _Task, future: Future[Row], died: Row | None = None) -> None:
+def _solved(state: _Sweep, task: _Task, future: Future[PointRow], died: PointRow | None = None) -> None:
     """Wait for a point and write its row. If its worker dies, the row is the given one, or the point is tried again."""
     content = died
     try:
@@ -177,7 +177,7 @@ def _solved(state: _Sweep, task: _Task, future: Future[Row], died: Row | None = 
         _finish(state, task.key, task.values, content)
 
 
-def _finish(state: _Sweep, key: str, values: AxisValues, content: Row) -> None:
+def _finish(state: _Sweep, key: str, values: AxisValues, content: PointRow) -> None:
     """Write the row of a point."""
     axes = zip(state.study.axes, values, strict=True)
     point = {axis.key: value if isfinite(value) else str(value) for axis, value in axes}
@@ -185,7 +185,7 @@ def _finish(state: _Sweep, key: str, values: AxisValues, content: Row) -> None:
     _tell(state, content)
 
 
-def _tell(state: _Sweep, content: Row) -> None:
+def _tell(state: _Sweep, content: PointRow) -> None:
     """Count a further point, and report the results so far."""
     state.statuses[content["status"]] += 1
     if content["status"] == Status.CERTIFIED.value:

@@ -10,8 +10,7 @@ from math import inf
 import numpy as np
 
 from vctune.design.bound.quadratics import B_0, GUARD, TAU_C, Quadratic, Quotient, concatenated, products, quadratic
-from vctune.model.device import Device
-from vctune.model.device import stacked as stacked_devices
+from vctune.model.device import Device, devices_as_one
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.loop.device_response import device_response
@@ -159,7 +158,7 @@ def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bo
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
     """Return several devices as one device with arrays of parameters, which repeat the parameters of each device."""
-    return stacked_devices([device for device in devices for _ in range(count if len(devices) > 1 else 1)])
+    return devices_as_one([device for device in devices for _ in range(count if len(devices) > 1 else 1)])
 
 
 def loop_at(device: Device, omega: Floats) -> LoopConstants:

@@ -15,7 +15,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.symbols import CASADI
-from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
+from vctune.design.nlp.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, points_as_one
 from vctune.design.prepared import Posed
 from vctune.model.device import Device
 from vctune.model.display import Display
@@ -28,7 +28,7 @@ from vctune.model.gains import (
     sampled_resistance,
     series_coupling,
 )
-from vctune.model.hands import stacked as stacked_hands
+from vctune.model.hands import hands_as_one
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
@@ -152,7 +152,7 @@ def _filter(device: Device, theta: Any) -> Pair:
 
 def pulses(points: Sequence[ConstraintPoint], *, position: bool) -> Pulse:
     """Return the pulse transfer functions at some points."""
-    G_v, G_x = pulse_transfer(*stacked(points), position=position)
+    G_v, G_x = pulse_transfer(*points_as_one(points), position=position)
     return Pulse(Pair(G_v.real, G_v.imag), Pair(G_x.real, G_x.imag))
 
 
@@ -166,11 +166,11 @@ def constants(given: Posed, points: WorkingSet, tightening: float, *, position: 
     """Return the constants of each kind of constraint at its points; a kind without points is absent."""
     found: dict[str, Any] = {}
     if points.ratio:
-        found["ratio"] = at_frequencies(*stacked(points.ratio))
+        found["ratio"] = at_frequencies(*points_as_one(points.ratio))
     if points.sensitivity:
         found["sensitivity"] = pulses(points.sensitivity, position=position)
     if points.peak:
-        found["peak"] = at_frequencies(*stacked(points.peak))
+        found["peak"] = at_frequencies(*points_as_one(points.peak))
     if points.unmodelled:
         radii = np.array([unmodelled_radius(given, point) for point in points.unmodelled])
         found["unmodelled"] = Perturbed(pulses(points.unmodelled, position=position), np.log(radii))
@@ -229,7 +229,7 @@ def _loops_in_hands(points: Sequence[ConstraintPoint], theta: Floats) -> LoopInH
     found = LoopInHand(*(EvenOdd(np.zeros(len(points)), np.zeros(len(points)), square) for _ in LoopInHand._fields))
     for group in alike([at.device for at in points]):
         device, delays = as_one([points[k].device for k in group], (-1,))
-        hand = stacked_hands([at.hand for at in (points[k] for k in group) if at.hand is not None])
+        hand = hands_as_one([at.hand for at in (points[k] for k in group) if at.hand is not None])
         loop = loop_in_hand(plant_in_hand(device, hand, delays, FLOATS), theta[group], FLOATS)
         assert isinstance(loop, LoopInHand)
         for whole, part in zip(found, loop, strict=True):

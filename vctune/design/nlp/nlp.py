@@ -209,7 +209,7 @@ def _design(structure: NlpStructure, z: ca.SX, common: Common, epigraph: ca.SX) 
     )
 
 
-def solve(given: Nlp) -> Solution:
+def minimised(given: Nlp) -> Solution:
     """Solve an NLP. Ctrl-C waits for IPOPT's answer."""
     with interrupt_deferred():
         solver = compiled(given.structure)

@@ -10,8 +10,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import AtWall
-from vctune.model.device import Device
-from vctune.model.device import stacked as stacked_devices
+from vctune.model.device import Device, devices_as_one
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.proof.claims.claim import Quantity
@@ -69,9 +68,9 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
     return [ConstraintPoint(float(w), device) for w in omega]
 
 
-def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
+def points_as_one(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
     """Return the devices of n points as one device with arrays of shape (n,), and the points' frequencies."""
-    return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
+    return devices_as_one([point.device for point in points]), np.array([point.omega for point in points])
 
 
 # The kinds of constraint, in the order of `WorkingSet.sizes`

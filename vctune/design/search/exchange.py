@@ -12,7 +12,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_worlds import corner_of
 from vctune.analysis.stability import clearly_stable
-from vctune.design.nlp.nlp import NEAR_SIDE, solve, stated
+from vctune.design.nlp.nlp import NEAR_SIDE, minimised, stated
 from vctune.design.nlp.solution import Polished, Solution
 from vctune.design.nlp.working_set import ConstraintPoint, Start, WorkingSet, constraint_points
 from vctune.design.prepared import Posed, with_device
@@ -161,7 +161,7 @@ def _step(posed: Posed, search: _Search) -> None:
     given = stated(
         posed, free, search.warm_start, box, working_set, search.panels, search.tightening, integrator=integrator
     )
-    solution = solve(given)
+    solution = minimised(given)
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))

@@ -8,7 +8,18 @@ from pydantic import Field
 
 from vctune.analysis.margins import unstable_poles
 from vctune.analysis.sampled_loop import spectral_radius
-from vctune.document.records.part import DisplayPart, From, Number, Pair, Part, Proof, Row, how_shown, made, text
+from vctune.document.records.part import (
+    DisplayPart,
+    From,
+    Nullable,
+    Pair,
+    Proof,
+    RecordPart,
+    Row,
+    how_shown,
+    made,
+    text,
+)
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units, finite_hertz, in_full
@@ -23,7 +34,7 @@ ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 GRAMS = 0.1  # Mass below which a tool is weighed in grams, kg
 
 
-class PerturbationRecord(Part):
+class PerturbationRecord(RecordPart):
     """The error of the device's response within the disc of unmodelled dynamics: a factor 1 + share r e^(j phase),
     where r is the radius of the disc."""
 
@@ -34,7 +45,7 @@ class PerturbationRecord(Part):
         return str(Unmodelled((), self.share, radians(self.phase_deg)))
 
 
-class DeviceRecord(Part):
+class DeviceRecord(RecordPart):
     """The parameters of a device that may be uncertain."""
 
     mass: Annotated[float, Shown("mass", of="mass")] = 0.0
@@ -52,13 +63,13 @@ class DeviceRecord(Part):
         return ", ".join([*numbers_in_words, *parts_in_words, *perturbation])
 
 
-class ClaimRecord(Part):
+class ClaimRecord(RecordPart):
     """A claim. If it fails, the record names the frequency, the device and the hand."""
 
     id: ClaimId
     claim: str
     verdict: Proof
-    witness_hz: Number  # frequency at which a claim fails or is undecided
+    witness_hz: Nullable  # frequency at which a claim fails or is undecided
     witness_device: DeviceRecord | None = None  # device of the box, and hand, in which it fails there
     witness_hand: Hand | None = None
     cut: bool = False
@@ -76,13 +87,13 @@ class ClaimRecord(Part):
             yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
 
 
-class WorldRecord(Part):
+class WorldRecord(RecordPart):
     """The virtual environment with which a design has the smallest margin: a mass, kg, on a spring, N/m."""
 
     mass: float
     stiffness: float
 
-    def row(self, hz: Number, units: Units) -> Row:
+    def row(self, hz: Nullable, units: Units) -> Row:
         """Return the row of the environment."""
         place = "" if hz is None else f" at {text(hz)} Hz"
         small = units.mass == "kg" and self.mass < GRAMS
@@ -96,10 +107,10 @@ class WorldRecord(Part):
         return Row("binding world", "none", f"nothing rendered{place}")
 
 
-def _hands(box: dict[str, list[Number]], tool: dict[str, list[Number]] | None) -> Hands:
+def _hands(box: dict[str, list[Nullable]], tool: dict[str, list[Nullable]] | None) -> Hands:
     """Return the box of hands that a record states by the ends of its ranges."""
 
-    def ends(of: dict[str, list[Number]], k: int) -> Hand:
+    def ends(of: dict[str, list[Nullable]], k: int) -> Hand:
         return Hand(**{name: pair[k] for name, pair in of.items()})
 
     return Hands(ends(box, 0), ends(box, 1), None if tool is None else Hands(ends(tool, 0), ends(tool, 1)))
@@ -110,8 +121,8 @@ class WallsRecord(DisplayPart):
 
     verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
     corner_hz: float  # corner of the multiplier that proves the walls
-    min_ratio: Annotated[Number, Shown("least with walls", "at {worst_hz} Hz in the hand of {worst_hand}")]
-    worst_hz: Number
+    min_ratio: Annotated[Nullable, Shown("least with walls", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    worst_hz: Nullable
     worst_hand: Hand
     boxes: int  # number of boxes in the proof
 
@@ -122,8 +133,8 @@ class HandsRecord(DisplayPart):
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
     box: dict[str, Pair]  # ends of the range of each parameter of the hands, their tool included
     tool: dict[str, Pair] | None = None  # those of the tool; absent without one
-    min_ratio: Annotated[Number, Shown("{measured}", "at {worst_hz} Hz in the hand of {worst_hand}")]
-    worst_hz: Number
+    min_ratio: Annotated[Nullable, Shown("{measured}", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    worst_hz: Nullable
     worst_hand: Hand
     boxes: int  # number of boxes in the proof
     worlds: dict[str, Pair] | None = None
@@ -165,8 +176,8 @@ class AnyHandRecord(DisplayPart):
     """The claim about any passive hand on an impedance display, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("any passive hand")]
-    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
-    worst_hz: Number
+    min_ratio: Annotated[Nullable, Shown("least {coupled} / R", "at {worst_hz} Hz")]
+    worst_hz: Nullable
     boxes: int
 
     def promise(self, hand: str) -> str:
@@ -174,21 +185,21 @@ class AnyHandRecord(DisplayPart):
         return f"in {hand}, {ENVIRONMENTS}, at every frequency"
 
 
-class WallRecord(Part):
+class WallRecord(RecordPart):
     """The claim about the coupling of an impedance display as a wall."""
 
     verdict: Annotated[Proof, Shown("wall")]
     box: dict[str, Pair] | None = None  # ranges of the hands, their tool included; absent for any passive hand
     tool: dict[str, Pair] | None = None
-    min_ratio: Annotated[Number, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
-    worst_hz: Number
+    min_ratio: Annotated[Nullable, Shown("unstable at", "times the wall, at {worst_hz} Hz")]
+    worst_hz: Nullable
     worst_hand: Hand | None = None
     # of the loop that the wall closes on the nominal device in the least of the hands; null if it is not proved
     peak_sensitivity: Annotated[
-        Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz, of the wall's loop in the least hand")
+        Nullable, Shown("peak |S|", "at {peak_sensitivity_hz} Hz, of the wall's loop in the least hand")
     ]
-    peak_sensitivity_hz: Number
-    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg, of the wall's loop in the least hand")]
+    peak_sensitivity_hz: Nullable
+    phase_margin_deg: Annotated[Nullable, Shown("phase margin", "deg, of the wall's loop in the least hand")]
     boxes: int
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -210,7 +221,7 @@ class WallRecord(Part):
         return f"{self.hands(passive, units)}, with its coupling as a wall, at every frequency"
 
 
-class WholeSampleRecord(Part):
+class WholeSampleRecord(RecordPart):
     """The worse verdict of a delay just below a whole number of samples and of this number, where the sensed force
     jumps. `delay` is the whole number in s."""
 
@@ -229,12 +240,12 @@ class CertificateRecord(DisplayPart):
         Shown("band", "Hz; outside it nothing is claimed of the ratio"),
         From(lambda of: [*map(finite_hertz, of.band)] if of.band else None),
     ]
-    proved_ratio: Annotated[Number, From(lambda of: of.certificate.proved_ratio)]
+    proved_ratio: Annotated[Nullable, From(lambda of: of.certificate.proved_ratio)]
     min_ratio: Annotated[
-        Number, Shown("{measured}", "at {worst_hz} Hz"), From(lambda of: of.min_ratio, Shown("least Re Z_c / R"))
+        Nullable, Shown("{measured}", "at {worst_hz} Hz"), From(lambda of: of.min_ratio, Shown("least Re Z_c / R"))
     ]
     worst_hz: Annotated[
-        Number, From(lambda of: finite_hertz(of.worst), Shown("where the ratio is least", of="frequency"))
+        Nullable, From(lambda of: finite_hertz(of.worst), Shown("where the ratio is least", of="frequency"))
     ]
     boxes: Annotated[int, From(lambda of: of.certificate.boxes)]
     claims: list[ClaimRecord]
@@ -274,7 +285,7 @@ class CertificateRecord(DisplayPart):
             yield from claim.rows(units) if claim.verdict != "proved" else ()
 
 
-class NyquistRecord(Part):
+class NyquistRecord(RecordPart):
     """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop."""
 
     N: Annotated[int | None, From(lambda of: unstable_poles(of.device, of.gains))]
@@ -298,22 +309,22 @@ def loudest(of: Any) -> float | None:
     return of.peak_sensitivity if of.gains.closed else None if wall is None else wall.peak
 
 
-class InnerLoopRecord(Part):
+class InnerLoopRecord(RecordPart):
     """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null."""
 
     stable: Annotated[bool | None, From(lambda of: _stable(of.certificate.outcomes))]
     spectral_radius: Annotated[
-        Number, Shown("spectral radius", "{stability}"), From(lambda of: spectral_radius(of.device, of.gains))
+        Nullable, Shown("spectral radius", "{stability}"), From(lambda of: spectral_radius(of.device, of.gains))
     ]
     peak_sensitivity: Annotated[
-        Number,
+        Nullable,
         Shown("peak |S|", "at {peak_sensitivity_hz} Hz"),
         From(loudest, Shown("peak |S|")),
     ]
-    peak_sensitivity_hz: Annotated[Number, From(lambda of: finite_hertz(of.worst_sensitivity))]
-    gain_margin_db: Annotated[Number, Shown("gain margin", "dB"), From(lambda of: 20 * log10(of.loop_margins.gain))]
-    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg"), From(lambda of: degrees(of.loop_margins.phase))]
-    delay_margin_s: Annotated[Number, Shown("delay margin", "s"), From(lambda of: of.loop_margins.delay)]
+    peak_sensitivity_hz: Annotated[Nullable, From(lambda of: finite_hertz(of.worst_sensitivity))]
+    gain_margin_db: Annotated[Nullable, Shown("gain margin", "dB"), From(lambda of: 20 * log10(of.loop_margins.gain))]
+    phase_margin_deg: Annotated[Nullable, Shown("phase margin", "deg"), From(lambda of: degrees(of.loop_margins.phase))]
+    delay_margin_s: Annotated[Nullable, Shown("delay margin", "s"), From(lambda of: of.loop_margins.delay)]
     nyquist: Annotated[NyquistRecord, From(lambda of: made(NyquistRecord, of))]
 
     def rows(self, units: Units) -> Iterator[Row]:

@@ -20,7 +20,7 @@ from vctune.document.records.gains_json import (
     ProblemRecord,
     TransparencyRecord,
 )
-from vctune.document.records.part import Number, Pair, Part, Row, rows, text
+from vctune.document.records.part import Nullable, Pair, RecordPart, Row, rows, text
 from vctune.document.records.shake_json import BuzzRecord, RingingRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import Mistake
@@ -56,7 +56,7 @@ def _in_words(change: float) -> str:
     return "no difference" if abs(change) < NO_DIFFERENCE else f"{100 * change:+.2f} %"
 
 
-class Price(Part):
+class Price(RecordPart):
     """The effect on the least error of improving one parameter of the device while the rest of the problem stays."""
 
     key: str  # key of the parameter in the problem file
@@ -87,21 +87,21 @@ UNKNOWN_LIMITS = "not known: the search ended without multipliers"
 SAME_PLACE = 1.05  # Greatest ratio of two frequencies that belong to the same extremum of a response
 
 
-class ActiveRecord(Part):
+class ActiveRecord(RecordPart):
     """An active constraint of the search."""
 
     demand: str  # formula of the constraint
-    hz: Number  # frequency at which it is active; null if it belongs to no frequency
+    hz: Nullable  # frequency at which it is active; null if it belongs to no frequency
     multiplier: float | None  # relative decrease of the error for a relative weakening of it; null without an optimum
     device: DeviceRecord | None = None  # device on which it is active; null if there is only one device
 
 
-class Repair(Part):
+class Repair(RecordPart):
     """A change of one value of the problem file after which there is a design."""
 
     key: str  # dotted key
-    old: Number  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
-    new: Number
+    old: Nullable  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
+    new: Nullable
     change: str  # meaning of the change, in words
     needs: str  # the new line of the file, in TOML
     assumes: bool  # whether it changes what is assumed of hands, environments or the demands, not the design
@@ -125,14 +125,14 @@ class Repair(Part):
         return self.needs == f"{self.key} = false"
 
 
-class OptimalityRecord(Part):
+class OptimalityRecord(RecordPart):
     """The proved lower bound on the error of every feasible design."""
 
-    lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
-    gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
+    lower_bound: Annotated[Nullable, Shown("lower bound", "{verdict}, {boxes} boxes")]
+    gap: Annotated[Nullable, Shown("gap", "%", 3, scale=100, optional=True)]
     verdict: Literal["proved", "open"]
     boxes: int
-    error: Number  # of the best known design
+    error: Nullable  # of the best known design
     both_sides: bool = False  # whether the bound is of designs on both sides of a nearby whole sample of delay
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -142,14 +142,14 @@ class OptimalityRecord(Part):
             yield Row("bound is of", "", "designs that are proved on both sides of the nearby whole sample of delay")
 
 
-class UncertaintyRecord(Part):
+class UncertaintyRecord(RecordPart):
     """The design on all devices of the uncertainty box, and its worst error."""
 
     box: dict[str, Pair]
     unmodelled: list[list[float]] = Field(default_factory=list)
     objective: str
-    robust_error: Number
-    worst_error: Annotated[Number, Shown("worst error", "at {worst_device}")]
+    robust_error: Nullable
+    worst_error: Annotated[Nullable, Shown("worst error", "at {worst_device}")]
     worst_device: DeviceRecord
     min_ratio_device: DeviceRecord
 
@@ -179,7 +179,7 @@ def _together(one: float, other: float) -> bool:
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
-class NearestRecord(Part):
+class NearestRecord(RecordPart):
     """The design that misses the constraints of a problem without a design by the least."""
 
     gains: Gains

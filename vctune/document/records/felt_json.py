@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vctune.document.records.part import Number, Part, Row, how_shown, text
+from vctune.document.records.part import Nullable, RecordPart, Row, how_shown, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import Units
@@ -17,19 +17,21 @@ GRAMS = 0.1  # Mass below which a mass is told in grams, kg
 RENDERED = 0.1  # Greatest difference of the felt stiffness of a rendered wall from the wall's own, relative
 
 
-class InHandRecord(Part):
+class InHandRecord(RecordPart):
     """What the hand feels, in the sampled loop in double precision; null for what does not exist."""
 
     limp: bool = False  # whether K_p holds no static force: its spring is nothing in the transparency band
-    mass_1hz: Number = None  # of free motion: with the design, and of the bare device
-    damping_1hz: Number = None
-    bare_mass_1hz: Number = None
+    mass_1hz: Nullable = None  # of free motion: with the design, and of the bare device
+    damping_1hz: Nullable = None
+    bare_mass_1hz: Nullable = None
     behind: str | None = None  # the environment with which it is felt; null for nothing, without [environment]
-    felt_wall_10hz: Number = None  # stiffness that is felt of the stiffest wall, the least tool's inertia apart
-    wall: Number = None
-    count: Number = None  # force of one count of the encoder, N
-    first_speed: Number = None  # command of a servo at rest in the first sample of 1 N, m/s, and its acceleration, m/s2
-    first_acceleration: Number = None
+    felt_wall_10hz: Nullable = None  # stiffness that is felt of the stiffest wall, the least tool's inertia apart
+    wall: Nullable = None
+    count: Nullable = None  # force of one count of the encoder, N
+    first_speed: Nullable = (
+        None  # command of a servo at rest in the first sample of 1 N, m/s, and its acceleration, m/s2
+    )
+    first_acceleration: Nullable = None
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield free motion, the stiffest wall, the force of a count and what a unit of force commands."""
@@ -66,13 +68,13 @@ def _short(value: float) -> str:
     return f"{float(text(value, 3 if abs(value) >= 100 else 2)):g}"
 
 
-class ChatterRecord(Part):
+class ChatterRecord(RecordPart):
     """The most that the steps of a reading cause at rest, in the worst hand, without friction; null without a bound."""
 
     step: float  # m of the encoder, N of the force sensor
-    chatter_m: Number = None  # half of what the handle moves, of a flexible one the motor, by the encoder
-    chatter_m_s: Number = None  # half of what its velocity varies, by the force sensor
-    chatter_N: Number = None  # half of what the motor's force varies
+    chatter_m: Nullable = None  # half of what the handle moves, of a flexible one the motor, by the encoder
+    chatter_m_s: Nullable = None  # half of what its velocity varies, by the force sensor
+    chatter_N: Nullable = None  # half of what the motor's force varies
     hand: Hand
     before: str  # the environments of which it is the worst, in words
 
@@ -102,13 +104,13 @@ def milli(value: float, unit: str) -> str:
     return f"{text(1e3 * value, 4)} m{unit}" if value < 1 else f"{text(value, 4)} {unit}"
 
 
-class RestRecord(Part):
+class RestRecord(RecordPart):
     """What a device does at rest: whether its friction holds it between two readings, and what their steps cause."""
 
     spring: Literal["k_c", "K_p"] | None = None  # the stiffness that the read position drives
-    step_N: Number = None  # greatest force of a step of the encoder, by the spring and by the damper
-    damper_step_N: Number = None
-    friction_N: Number = None
+    step_N: Nullable = None  # greatest force of a step of the encoder, by the spring and by the damper
+    damper_step_N: Nullable = None
+    friction_N: Nullable = None
     rests: bool | None = None  # whether the friction holds the spring's step both ways; null if one is not known
     settles: bool | None = None  # true if every motion is proved to come to rest, false if a kick does not; else null
     encoder: ChatterRecord | None = None
@@ -157,16 +159,16 @@ class RestRecord(Part):
                 yield of.row(reading, units)
 
 
-class LatencyPartRecord(Part):
+class LatencyPartRecord(RecordPart):
     """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m."""
 
     part: str
     key: str
     latency_s: float
-    drag: Number = None  # absent before environments of limited mass, which require none
+    drag: Nullable = None  # absent before environments of limited mass, which require none
 
 
-class ContactRecord(Part):
+class ContactRecord(RecordPart):
     """The drag that contacts require on a servo, and the stiffest contact that the coupling allows."""
 
     stiffness: float
@@ -174,11 +176,11 @@ class ContactRecord(Part):
     parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]  # parts of the latency, and their sum
     latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
     # drags that the hands require; absent before environments of limited mass, which require none
-    rest_drag: Annotated[Number, Shown("least drag at rest", of="damping", optional=True)] = None
-    drag_alone: Annotated[Number, Shown("least drag without b_c", of="damping", optional=True)] = None
-    drag_alone_hz: Number = None
+    rest_drag: Annotated[Nullable, Shown("least drag at rest", of="damping", optional=True)] = None
+    drag_alone: Annotated[Nullable, Shown("least drag without b_c", of="damping", optional=True)] = None
+    drag_alone_hz: Nullable = None
     drag_alone_hand: Hand | None = None
-    stiffest_contact: Annotated[Number, Shown("stiffest contact", digits=7, of="stiffness")]
+    stiffest_contact: Annotated[Nullable, Shown("stiffest contact", digits=7, of="stiffness")]
     stiffest_contact_verdict: Literal["proved", "undecided"] | None
     own_spring: float = 0.0
 

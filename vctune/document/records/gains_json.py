@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag
 
-from vctune.document.records.part import DisplayPart, Number, Part, Row
+from vctune.document.records.part import DisplayPart, Nullable, RecordPart, Row
 from vctune.model.device import Device
 from vctune.model.display import DISPLAYS, DisplayName
 from vctune.model.fields import Shown
@@ -16,7 +16,7 @@ from vctune.model.numbers.units import Units, UnitSystem
 from vctune.model.transparency import TERMS, TermName
 
 
-class ProblemRecord(Part):
+class ProblemRecord(RecordPart):
     """The problem: its name, its digest, the text of its file, and the motion of its device."""
 
     name: str
@@ -54,10 +54,10 @@ APART = "of the device itself when free, not counted"  # Note on a term that no 
 class TransparencyRecord(DisplayPart):
     """The error and its unweighted terms. An impedance display has the dual terms."""
 
-    error: Annotated[Number, Shown("error")]
-    admittance: Annotated[Number, Shown("{labels[admittance]}")]
-    tracking: Annotated[Number, Shown("{labels[tracking]}")]
-    coupling: Annotated[Number, Shown("{labels[coupling]}")]
+    error: Annotated[Nullable, Shown("error")]
+    admittance: Annotated[Nullable, Shown("{labels[admittance]}")]
+    tracking: Annotated[Nullable, Shown("{labels[tracking]}")]
+    coupling: Annotated[Nullable, Shown("{labels[coupling]}")]
     apart: list[TermName] | None = None  # terms that the error does not count, because no design changes them
 
     def rows(self, units: Units) -> Iterator[Row]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from vctune.document.records.part import Document, Number, Pair, Part
+from vctune.document.records.part import Document, Nullable, Pair, RecordPart
 from vctune.document.schema.number_units import unit_of
 from vctune.document.schema.rules import MOST_SAMPLES
 from vctune.document.text.errors import coded, printable
@@ -28,24 +28,24 @@ ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
 HALF_WIDTH_STEP = 1e-5  # Step to which half-widths are rounded up, so that the written box contains the identified one
 
 
-class NumberRecord(Part):
+class NumberRecord(RecordPart):
     """An estimate from a recording, with its standard deviation."""
 
     name: str
     value: float
-    sigma: Number
+    sigma: Nullable
 
 
-class CandidateRecord(Part):
+class CandidateRecord(RecordPart):
     """A candidate structure of the device, with its fit."""
 
     structure: str
     chosen: bool
-    chi2: Number
-    model_error: list[Number]
+    chi2: Nullable
+    model_error: list[Nullable]
 
 
-class RecordingRecord(Part):
+class RecordingRecord(RecordPart):
     """A recording and its results."""
 
     source: str
@@ -54,8 +54,10 @@ class RecordingRecord(Part):
     used: int
     sample_time: float
     kind: str  # kind of the excitation, in words
-    residual_share: Number  # root mean square residual as a share of the motion
-    chi2: Number  # residual relative to the noise alone, squared, per degree of freedom; null if the noise is not known
+    residual_share: Nullable  # root mean square residual as a share of the motion
+    chi2: (
+        Nullable  # residual relative to the noise alone, squared, per degree of freedom; null if noise is unknown
+    )
     numbers: list[NumberRecord]  # fitted numbers, and numbers derived from them
     derived: list[NumberRecord]
     candidates: list[CandidateRecord]  # structures of the device that the fit compared
@@ -93,7 +95,7 @@ class Bounded:
     estimates: list[Estimate]  # estimates from single recordings or directions
 
 
-class FrictionRecord(Part):
+class FrictionRecord(RecordPart):
     """Dry friction of the device."""
 
     coulomb: float
@@ -113,7 +115,7 @@ class IdentificationRecord(Document):
     numbers: Annotated[list[Bounded], Field(min_length=1)]
     unmodelled: list[Pair]
     friction: FrictionRecord | None
-    force_noise: Number
+    force_noise: Nullable
     recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
     warnings: list[str]
     remarks: list[str]

@@ -48,12 +48,12 @@ def _existing(value: Any) -> Any:
 
 
 # A number; null in the file stands for infinity, for NaN, or for a number that is absent
-Number = Annotated[float | None, BeforeValidator(_existing)]
+Nullable = Annotated[float | None, BeforeValidator(_existing)]
 Proof = Literal["proved", "refuted", "undecided"]
-Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Pair = Annotated[list[Nullable], Field(min_length=2, max_length=2)]
 
 
-class Part(BaseModel):
+class RecordPart(BaseModel):
     """Part of a record. A part keeps unknown keys, which other versions may have written. `Document.to_json` does not
     write keys that were not set."""
 
@@ -74,12 +74,12 @@ def filled(part: Any, words: str, units: Units) -> str:
 
     def stated(field: re.Match[str]) -> str:
         value = getattr(part, field[1])[field[2]] if field[2] else getattr(part, field[1])
-        return value.in_words(units) if isinstance(value, Part | Hand | Hands) else text(value)
+        return value.in_words(units) if isinstance(value, RecordPart | Hand | Hands) else text(value)
 
     return re.sub(r"{(\w+)(?:\[(\w+)\])?}", stated, words)
 
 
-class Document(Part):
+class Document(RecordPart):
     """A record that is a whole file, or the whole output of a command."""
 
     SCHEMA: ClassVar[str]  # name of the object under the key `schema`
@@ -120,7 +120,7 @@ def made(part: type[P], of: Any, **given: Any) -> P:
 
 def rows(part: Any, units: Units) -> Iterator[Row]:
     """Yield the rows of a part of a record, or of a table of the model."""
-    return part.rows(units) if isinstance(part, Part) else _rows(part, units)
+    return part.rows(units) if isinstance(part, RecordPart) else _rows(part, units)
 
 
 def _rows(part: Any, units: Units) -> Iterator[Row]:
@@ -134,7 +134,7 @@ def _rows(part: Any, units: Units) -> Iterator[Row]:
             yield Row(units.translated(label), *of_value)
 
 
-class DisplayPart(Part):
+class DisplayPart(RecordPart):
     """Part of a record whose labels depend on the kind of display."""
 
     display: DisplayName = "admittance"

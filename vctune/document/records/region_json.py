@@ -14,7 +14,7 @@ from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     ProblemRecord,
 )
-from vctune.document.records.part import Pair, Part
+from vctune.document.records.part import Pair, RecordPart
 from vctune.document.text.errors import Mistake
 from vctune.document.text.json import SealedDocument, as_record, read_json
 from vctune.model.gains import AnyCoupling, Gains
@@ -39,7 +39,7 @@ Verdict = Literal["feasible", "infeasible", "undecided"]
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
 
 
-class DemandsRecord(Part):
+class DemandsRecord(RecordPart):
     """The constraints on the gains; `hands` is the box of hands that they include, empty without one."""
 
     safety_factor: float
@@ -48,21 +48,21 @@ class DemandsRecord(Part):
     hands: dict[str, Pair] = Field(default_factory=dict)
 
 
-class AxesRecord(Part):
+class AxesRecord(RecordPart):
     """The two variables that span the plane."""
 
     x: Key
     y: Key
 
 
-class EdgesRecord(Part):
+class EdgesRecord(RecordPart):
     """The values at which cells begin and end, SI units, increasing; x and y have the same number."""
 
     x: Edges
     y: Edges
 
 
-class DesignPoint(Part):
+class DesignPoint(RecordPart):
     """A gain set: gains and coupling with a proof of their own."""
 
     gains: Gains

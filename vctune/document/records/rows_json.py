@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, create_model
 
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
-from vctune.document.records.part import Document, From, Number, Part, how_shown, marks
+from vctune.document.records.part import Document, From, Nullable, RecordPart, how_shown, marks
 from vctune.document.records.shake_json import ShakeColumns
 from vctune.model.fields import Shown
 from vctune.model.numbers.units import SYMBOLS
@@ -22,39 +22,39 @@ class RowsHeader(Document):
     axes: list[str]
 
 
-class FeltRecord(Part):
+class FeltRecord(RecordPart):
     """How a design feels, in physical units (`vctune.analysis.feel`); null without a design, or if it does not exist,
     for example above Nyquist."""
 
-    felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]
-    felt_mass_10hz: Annotated[Number, Shown("mass felt at 10 Hz", of="mass")]
-    felt_damping_1hz: Annotated[Number, Shown("damping felt at 1 Hz", of="damping")]
-    felt_damping_10hz: Annotated[Number, Shown("damping felt at 10 Hz", of="damping")]
-    stiffest_wall: Annotated[Number, Shown("|force/motion| of a rigid wall, at 10 Hz", of="stiffness")]
-    tracking_bandwidth_hz: Annotated[Number, Shown("bandwidth of tracking", of="frequency")]
+    felt_mass_1hz: Annotated[Nullable, Shown("mass felt at 1 Hz", of="mass")]
+    felt_mass_10hz: Annotated[Nullable, Shown("mass felt at 10 Hz", of="mass")]
+    felt_damping_1hz: Annotated[Nullable, Shown("damping felt at 1 Hz", of="damping")]
+    felt_damping_10hz: Annotated[Nullable, Shown("damping felt at 10 Hz", of="damping")]
+    stiffest_wall: Annotated[Nullable, Shown("|force/motion| of a rigid wall, at 10 Hz", of="stiffness")]
+    tracking_bandwidth_hz: Annotated[Nullable, Shown("bandwidth of tracking", of="frequency")]
 
 
-class RowYardstickRecord(Part):
+class RowYardstickRecord(RecordPart):
     """The scale of a row's error in addition to norm and weights: the transparency band and Z_0."""
 
-    yardstick_low_hz: Annotated[Number, Shown("lower edge of the transparency band", of="frequency")]
-    yardstick_high_hz: Annotated[Number, Shown("upper edge of the transparency band", of="frequency")]
-    reference_impedance: Annotated[Number, Shown("Z_0", of="damping")]
+    yardstick_low_hz: Annotated[Nullable, Shown("lower edge of the transparency band", of="frequency")]
+    yardstick_high_hz: Annotated[Nullable, Shown("upper edge of the transparency band", of="frequency")]
+    reference_impedance: Annotated[Nullable, Shown("Z_0", of="damping")]
 
 
-class NumbersRecord(Part):
+class NumbersRecord(RecordPart):
     """The error, its unweighted terms, and the design; null without a design."""
 
-    error: Annotated[Number, Shown("transparency error")]
-    admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
-    tracking_term: Annotated[Number, Shown("|1 - G_he|")]
-    coupling_term: Annotated[Number, Shown("|Z_c|/Z_0")]
-    velocity_gain: Annotated[Number, Shown("K_v", of="damping")]
-    position_gain: Annotated[Number, Shown("K_p", of="stiffness")]
-    coupling_damping: Annotated[Number, Shown("b_c", of="damping")]
-    coupling_mass: Annotated[Number, Shown("m_c", of="mass")]
-    coupling_drag: Annotated[Number, Shown("b_0", of="damping")]
-    coupling_stiffness: Annotated[Number, Shown("k_c", of="stiffness")] = None
+    error: Annotated[Nullable, Shown("transparency error")]
+    admittance_term: Annotated[Nullable, Shown("|Z_0 G_hh|")]
+    tracking_term: Annotated[Nullable, Shown("|1 - G_he|")]
+    coupling_term: Annotated[Nullable, Shown("|Z_c|/Z_0")]
+    velocity_gain: Annotated[Nullable, Shown("K_v", of="damping")]
+    position_gain: Annotated[Nullable, Shown("K_p", of="stiffness")]
+    coupling_damping: Annotated[Nullable, Shown("b_c", of="damping")]
+    coupling_mass: Annotated[Nullable, Shown("m_c", of="mass")]
+    coupling_drag: Annotated[Nullable, Shown("b_0", of="damping")]
+    coupling_stiffness: Annotated[Nullable, Shown("k_c", of="stiffness")] = None
 
 
 # The numbers of a design's record that a sweep has as columns
@@ -64,27 +64,27 @@ FROM_VERDICT = {
     for name, mark in marks(part, From).items()
     if mark.column
 }
-_verdict_columns: Any = {name: (Annotated[Number, mark.column], ...) for name, mark in FROM_VERDICT.items()}
+_verdict_columns: Any = {name: (Annotated[Nullable, mark.column], ...) for name, mark in FROM_VERDICT.items()}
 VerdictRecord: Any = create_model(
     "VerdictRecord",
-    __base__=Part,
+    __base__=RecordPart,
     __doc__="The least ratio of the certificate and the peak of the sensitivity; null without a design.",
     **_verdict_columns,
 )
 
 
-class BandRecord(Part):
+class BandRecord(RecordPart):
     """The band of Llewellyn's conditions."""
 
-    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
+    stability_high_hz: Annotated[Nullable, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
-class ChatterColumns(Part):
+class ChatterColumns(RecordPart):
     """What a device does at rest, only if it states the step q of its encoder; null if the friction is not known."""
 
-    rest_ratio: Annotated[Number, Shown("2 f/(k q), rests from 1 on")] = None
-    chatter_m: Annotated[Number, Shown("chatter of the handle, at most", of="position")] = None
-    chatter_N: Annotated[Number, Shown("chatter of the motor's force, at most", of="force")] = None
+    rest_ratio: Annotated[Nullable, Shown("2 f/(k q), rests from 1 on")] = None
+    chatter_m: Annotated[Nullable, Shown("chatter of the handle, at most", of="position")] = None
+    chatter_N: Annotated[Nullable, Shown("chatter of the motor's force, at most", of="force")] = None
 
 
 ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, ChatterColumns, ShakeColumns, RowYardstickRecord)

@@ -7,7 +7,7 @@ from math import log
 from typing import Annotated
 
 from vctune.document.records.felt_json import milli
-from vctune.document.records.part import Number, Part, Row, text
+from vctune.document.records.part import Nullable, RecordPart, Row, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import Units
@@ -16,7 +16,7 @@ MILLI = 0.1  # Time below which a time is told in milliseconds, s
 LONG = 1 / log(3)  # Time constant with which a motion takes a second to fall to a third, s
 
 
-class RingingRecord(Part):
+class RingingRecord(RecordPart):
     """The oscillation with the least damping ratio, in the stated hands and before the stated environments."""
 
     damping_ratio: float  # of the pole e^(sT) of the sampled loop, -Re s/|s|
@@ -55,16 +55,16 @@ def _time(seconds: float) -> str:
     return f"{text(1e3 * seconds, 3)} ms" if seconds < MILLI else f"{text(seconds, 3)} s"
 
 
-class BuzzRecord(Part):
+class BuzzRecord(RecordPart):
     """What a fixed set of kicks does to a design with friction or steps of a reading, as simulated."""
 
     kicks: int
     moving: int  # number of kicks after which the device goes on moving
-    amplitude_m: Number = None  # of the worst of them: half of the handle's way to and fro
-    force_N: Number = None  # half of what the motor's force varies; absent for a servo
-    frequency_hz: Number = None
-    step_m: Number = None  # step of the encoder; absent without one
-    friction_N: Number = None  # with which it was kicked; absent if none is stated
+    amplitude_m: Nullable = None  # of the worst of them: half of the handle's way to and fro
+    force_N: Nullable = None  # half of what the motor's force varies; absent for a servo
+    frequency_hz: Nullable = None
+    step_m: Nullable = None  # step of the encoder; absent without one
+    friction_N: Nullable = None  # with which it was kicked; absent if none is stated
     hand: Hand | None = None
     world: str | None = None
 
@@ -86,13 +86,13 @@ class BuzzRecord(Part):
         yield Row("buzzes", "yes" if self.moving else "no", f"{self.told(units)}; simulated, not proved")
 
 
-class ShakeColumns(Part):
+class ShakeColumns(RecordPart):
     """Whether a design shakes, as columns of a sweep; null where nothing oscillates, or nothing buzzes."""
 
-    damping_ratio: Annotated[Number, Shown("least damping ratio")] = None
-    ringing_hz: Annotated[Number, Shown("where the damping ratio is least", of="frequency")] = None
-    ringing_s: Annotated[Number, Shown("time constant of that oscillation", "s")] = None
-    kicks_moving: Annotated[Number, Shown("share of kicks that keep moving")] = None
-    buzz_m: Annotated[Number, Shown("buzz of the handle", of="position")] = None
-    buzz_N: Annotated[Number, Shown("buzz of the motor's force", of="force")] = None
-    buzz_hz: Annotated[Number, Shown("frequency of the buzz", of="frequency")] = None
+    damping_ratio: Annotated[Nullable, Shown("least damping ratio")] = None
+    ringing_hz: Annotated[Nullable, Shown("where the damping ratio is least", of="frequency")] = None
+    ringing_s: Annotated[Nullable, Shown("time constant of that oscillation", "s")] = None
+    kicks_moving: Annotated[Nullable, Shown("share of kicks that keep moving")] = None
+    buzz_m: Annotated[Nullable, Shown("buzz of the handle", of="position")] = None
+    buzz_N: Annotated[Nullable, Shown("buzz of the motor's force", of="force")] = None
+    buzz_hz: Annotated[Nullable, Shown("frequency of the buzz", of="frequency")] = None

@@ -10,7 +10,7 @@ from pydantic import Field
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.gains_json import AnyCouplingRecord
-from vctune.document.records.part import Number, Part
+from vctune.document.records.part import Nullable, RecordPart
 from vctune.document.text.json import SealedDocument, as_record, experiments_digest, read_json
 from vctune.model.experiment import Environment
 from vctune.model.gains import Gains
@@ -21,7 +21,7 @@ MAX_BYTES = 100_000_000
 KIND = "a simulation.json of `vctune simulate`"
 
 
-class SimulatedProblemRecord(Part):
+class SimulatedProblemRecord(RecordPart):
     """The problem: its name, its digest, the digest of its experiments, and the motion of its device."""
 
     name: str
@@ -30,62 +30,62 @@ class SimulatedProblemRecord(Part):
     units: UnitSystem = "linear"
 
 
-class FitRecord(Part):
+class FitRecord(RecordPart):
     """A number of the environment as the hand feels it: its value, the rendered value, and its standard error."""
 
-    value: Number
-    asked: Number
-    standard_error: Number
+    value: Nullable
+    asked: Nullable
+    standard_error: Nullable
 
 
-class MetricsRecord(Part):
+class MetricsRecord(RecordPart):
     """The measures of one simulated run, as `vctune.simulation.metrics.Metrics` describes them; null for a measure that
     does not exist."""
 
-    non_overlap: Number
+    non_overlap: Nullable
     fits: dict[str, FitRecord]
-    offset: Number
-    residual: Number
-    ripple: Number
-    handle_energy: Number
-    environment_energy: Number
-    motor_energy: Number
-    handle_deficit: Number
-    environment_deficit: Number
-    peak_motor: Number
-    saturated: Number
-    peak_force: Number
+    offset: Nullable
+    residual: Nullable
+    ripple: Nullable
+    handle_energy: Nullable
+    environment_energy: Nullable
+    motor_energy: Nullable
+    handle_deficit: Nullable
+    environment_deficit: Nullable
+    peak_motor: Nullable
+    saturated: Nullable
+    peak_force: Nullable
 
 
-class SimulatedLoopRecord(Part):
+class SimulatedLoopRecord(RecordPart):
     """The linear sampled loop of device, hand and environment."""
 
     stable: bool
-    spectral_radius: Number
+    spectral_radius: Nullable
     hz: float
 
 
-class MotionRecord(Part):
+class MotionRecord(RecordPart):
     """What the handle does beside the hand's own motion: it is calm, settles after a disturbance, or buzzes; in a hand
     that stays it rests, settles or buzzes."""
 
     kind: Literal["calm", "settles", "buzzes", "rests"]
-    frequency_hz: Number = None  # frequency of an oscillation that goes on, Hz
-    amplitude_m: Number = None  # its amplitude, m
+    frequency_hz: Nullable = None  # frequency of an oscillation that goes on, Hz
+    amplitude_m: Nullable = None  # its amplitude, m
     rests: bool | None = None  # whether the handle comes to rest; null in a hand that moves
 
 
-class RunRecord(Part):
+class RunRecord(RecordPart):
     """One controller in one experiment."""
 
-    diverged_s: Number  # time at which the run diverged, s; null if it did not
+    diverged_s: Nullable  # time at which the run diverged, s; null if it did not
     metrics: MetricsRecord | None  # measures; null if the run diverged
     loop: SimulatedLoopRecord  # linear loop of this controller
     motion: MotionRecord | None = None  # what the trace does; null if the run diverged
     curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
 
 
-class ExperimentRecord(Part):
+class ExperimentRecord(RecordPart):
     """An experiment with the runs of the regular PID and of the design."""
 
     name: str

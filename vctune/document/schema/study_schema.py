@@ -47,9 +47,9 @@ class RangeTable(Table):
         return [min(max(float(f"{value:.{DIGITS}g}"), low), high) for value in made]
 
 
-Number = Annotated[float, Field(strict=True, ge=-MOST)]  # may be inf
+AxisValue = Annotated[float, Field(strict=True, ge=-MOST)]  # may be inf
 AxisValues = Annotated[
-    Annotated[list[Number], Field(min_length=1, description="Give the key at least one value."), Tag("<list>")]
+    Annotated[list[AxisValue], Field(min_length=1, description="Give the key at least one value."), Tag("<list>")]
     | Annotated[RangeTable, Tag("<spread>")],
     Discriminator(
         lambda value: {list: "<list>", dict: "<spread>"}.get(type(value)),

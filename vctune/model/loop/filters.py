@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from vctune.model.device import Device
-from vctune.model.mechanism import Row, Rows
+from vctune.model.mechanism import Combination, Rates
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import times
 from vctune.model.sections import Section, SectionRows, sections_of_rows
@@ -136,7 +136,7 @@ def sensor_response(device: Device, omega: Number, ops: Arithmetic) -> FilterRes
 
 
 def low_pass_rates(
-    rows: Rows, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
+    rows: Rates, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Write the low-pass of `low_pass` into the rates of a system, in states that suit models which invert f(X)."""
     corner, (out, rate) = 2 * ops.pi * cycles_per_sample, states  # w T
@@ -152,7 +152,7 @@ def low_pass_rates(
 
 
 def plain_low_pass_rates(
-    rows: Rows, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
+    rows: Rates, states: tuple[str, str], cycles_per_sample: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Write the low-pass of `low_pass` into the rates of a system, in the states y and, for order 2, y'/w."""
     if order == 1:
@@ -165,7 +165,7 @@ def plain_low_pass_rates(
 
 COMMAND = "command"  # Name of the held command's column in the rates of a system
 # Type of a function that writes a low-pass into the rates, such as `low_pass_rates`
-LowPassRows = Callable[[Rows, tuple[str, str], Number, int, Arithmetic], Number]
+LowPassRows = Callable[[Rates, tuple[str, str], Number, int, Arithmetic], Number]
 
 
 def drive_states(device: Device) -> tuple[str, ...]:
@@ -179,7 +179,9 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
     return None if actuator is None else low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
 
 
-def drive_rows(rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = low_pass_rates) -> Row:
+def drive_rows(
+    rows: Rates, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = low_pass_rates
+) -> Combination:
     """Write the rates of the drive's states, and return the motor's force as a linear combination of states and
     command."""
     actuator = device.actuator
@@ -195,6 +197,6 @@ def drive_at_rest(device: Device) -> dict[str, float]:
     return {} if device.actuator is None else {"force": 1.0}
 
 
-def pushed(force: Row, share: Number) -> Row:
+def pushed(force: Combination, share: Number) -> Combination:
     """Return a force times a share."""
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from vctune.model.device import Device, stacked
+from vctune.model.device import Device, devices_as_one
 from vctune.model.hands import Hand
 from vctune.model.loop.filters import (
     COMMAND,
@@ -19,7 +19,7 @@ from vctune.model.loop.filters import (
     pushed,
     velocity_sections,
 )
-from vctune.model.mechanism import MOTOR, Rows, chain, forces, motion
+from vctune.model.mechanism import MOTOR, Rates, chain, forces, motion
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -75,7 +75,7 @@ class MechanismInHand(NamedTuple):
     handle: str = "velocity"  # name of the state that is the handle's velocity
 
     @classmethod
-    def of(cls, rows: Rows, inertia: dict[str, Number] | None = None, **felt: Any) -> MechanismInHand:
+    def of(cls, rows: Rates, inertia: dict[str, Number] | None = None, **felt: Any) -> MechanismInHand:
         """Return the equations whose right sides are rows of coefficients by state."""
         rates = tuple(tuple(row.get(name, 0) for name in rows) for row in rows.values())
         push = tuple(row.get(COMMAND, 0) for row in rows.values())
@@ -268,7 +268,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> MechanismI
     inertia[handle] = add(inertia[handle], carried)
     filtered = sensor.bandwidth_hz is not None
     names = [*masses.states, *drive_states(device), *(("felt", "felt rate")[: sensor.order] if filtered else ())]
-    rows: Rows = {name: {} for name in names} | motion(masses, one) | forces(masses)
+    rows: Rates = {name: {} for name in names} | motion(masses, one) | forces(masses)
     felt = dict.fromkeys(masses.place, grip) | {handle: held}
     for name, share in felt.items():
         rows[handle][name] = add(rows[handle].get(name, 0), -share)
@@ -362,4 +362,4 @@ def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
     delays = [delays_of(device) for device in devices]
     whole = (np.reshape([float(getattr(each, name)) for each in delays], shape) for name in ("loop", "felt"))
     loop, felt = (part if np.ptp(part) else int(part.flat[0]) for part in whole)
-    return SeveralDevices(stacked(devices, shape), replace(delays[0], loop=loop, felt=felt))
+    return SeveralDevices(devices_as_one(devices, shape), replace(delays[0], loop=loop, felt=felt))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
-from vctune.model.hands import Hand, Hands, stacked
+from vctune.model.hands import Hand, Hands, hands_as_one
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, nothing, times
 from vctune.model.numbers.pair import Pair
@@ -157,4 +157,4 @@ class Demand:
 
 def demand_of(device: Device, hands: Hands) -> Demand:
     """Return the resistance R that a box of hands requires of a servo's coupling, as a function of the angle."""
-    return Demand(servo_plant(device, sensed_delay(device), FLOATS), stacked(hands.corners, (-1, 1)))
+    return Demand(servo_plant(device, sensed_delay(device), FLOATS), hands_as_one(hands.corners, (-1, 1)))

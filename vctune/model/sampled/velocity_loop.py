@@ -10,7 +10,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import Hand
 from vctune.model.loop.filters import drive_rows, drive_states, pushed
-from vctune.model.mechanism import MOTOR, POSITION, Chain, Row, Rows, chain, combined
+from vctune.model.mechanism import MOTOR, POSITION, Chain, Combination, Rates, chain, combined
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import add, times
 from vctune.model.numbers.pair import EvenOdd, Pair
@@ -85,10 +85,10 @@ def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic)
     rates = [name.replace("bend", "bending") for name in bends]
     behind = [reduce(add, (link.mass for link in links[k:])) for k in range(len(links))]
     shares = [1 - behind[0], *(link.mass for link in links)]
-    motor: Row = {MOTOR: 1} | {rate: -share for rate, share in zip(rates, behind, strict=True)}
-    handle: Row = {MOTOR: 1} | {rate: 1 - share for rate, share in zip(rates, behind, strict=True)}
+    motor: Combination = {MOTOR: 1} | {rate: -share for rate, share in zip(rates, behind, strict=True)}
+    handle: Combination = {MOTOR: 1} | {rate: 1 - share for rate, share in zip(rates, behind, strict=True)}
     pulls = [{bends[k]: link.stiffness, rates[k]: link.viscosity} for k, link in enumerate(links)]
-    rows: Rows = {POSITION: motor | {MOTOR: one}, MOTOR: combined((motor, -of.damping), (handle, -held))}
+    rows: Rates = {POSITION: motor | {MOTOR: one}, MOTOR: combined((motor, -of.damping), (handle, -held))}
     for k, rate in enumerate(rates):
         rows[bends[k]] = {rate: one}
         ahead = (pulls[k - 1], 1 / shares[k]) if k > 0 else (motor, of.damping / shares[0])
@@ -103,7 +103,7 @@ def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic)
     return Flexible(MechanismInHand.of(rows), mass, tuple((names.index(rate), motor[rate]) for rate in rates))
 
 
-def _relative(device: Device, structure: Structure, of: Chain, k: int) -> Row:
+def _relative(device: Device, structure: Structure, of: Chain, k: int) -> Combination:
     """Return how a spring accelerates the masses at its ends towards each other; a single one by its resonance."""
     link, bend = of.links[k], of.bends[k]
     rate = bend.replace("bend", "bending")

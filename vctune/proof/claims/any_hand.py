@@ -19,7 +19,7 @@ from vctune.proof.boxes import Values, with_row
 from vctune.proof.claims.cases import COUPLING_SHARE, Case, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question
 from vctune.proof.claims.covered import CELL, Covered, held, in_rad_per_s, negative
-from vctune.proof.claims.delays import Ends, Part
+from vctune.proof.claims.delays import DelayPart, Ends
 from vctune.proof.claims.envelope import above_envelope, have_the_same_gains
 from vctune.proof.claims.in_hands import (
     NEAR_ENDS,
@@ -98,7 +98,7 @@ def _decided(
         verdict = Verdict.UNDECIDED if theta is None else Verdict.REFUTED
         return in_rad_per_s(Outcome(verdict, 0, theta or pi * NEAR_ENDS[-1]), device)
 
-    def tests(part: Part, fixed: Values) -> Tests:
+    def tests(part: DelayPart, fixed: Values) -> Tests:
         each = (over(margin, question.demands, uncertain_in(question.box), part.delays) for margin in margins)
         return [(positive(margin, fixed), None) for margin in each]
 

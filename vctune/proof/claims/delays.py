@@ -125,7 +125,7 @@ Ends = dict[str, tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DelayPart:
     """The devices and hands of a box whose delays have the same number of whole samples, or for which this number is a
     row."""
 
@@ -172,7 +172,7 @@ OWN_BOXES = 0.5
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
-def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
+def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[DelayPart]:
     """Divide a box of devices by the whole samples of their delays, and return its parts."""
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -181,7 +181,7 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
-        return [Part(names, low, high, known, T, 0.0)]
+        return [DelayPart(names, low, high, known, T, 0.0)]
     if apart and (together := _with_samples_apart(device, ends)) is not None:
         return [together]
     other = sum(delay for name, delay in others.items() if name not in rows)
@@ -196,7 +196,7 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
         shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(Part(names, least, most, delays, T, other))
+            parts.append(DelayPart(names, least, most, delays, T, other))
     return parts
 
 
@@ -223,7 +223,7 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
     return narrowed(tested, within_range)
 
 
-def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
+def _with_samples_apart(device: Device, ends: Ends) -> DelayPart | None:
     """Return one part for all delays of a box, with the whole samples of the delay as one more row."""
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)
@@ -247,7 +247,7 @@ def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     least, most = (
         np.concatenate([_at_delay(ends, own, *pair[end], end) for pair in columns], axis=1) for end in (0, 1)
     )
-    return Part((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
+    return DelayPart((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
 
 
 def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floats:
@@ -258,7 +258,7 @@ def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floa
 
 def _parts_of_sum(
     names: tuple[str, ...], row: int, low: Floats, high: Floats, known: Delays, device: Device, other: float
-) -> list[Part]:
+) -> list[DelayPart]:
     """Return the parts of a box of servos. Only the sum of the two delays matters, and one of them is a row."""
     assert device.servo is not None
     parts, T, latency = [], device.sample_time, device.servo.latency
@@ -268,7 +268,7 @@ def _parts_of_sum(
         for ends in pairwise(_in_lags(shortest, max(shortest, longest), latency)):
             least, most = low.copy(), high.copy()
             least[row], most[row] = ends
-            parts.append(Part(names, least, most, delays, T, other))
+            parts.append(DelayPart(names, least, most, delays, T, other))
     return parts
 
 

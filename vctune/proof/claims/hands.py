@@ -33,7 +33,7 @@ from vctune.proof.boxes import (
 from vctune.proof.claims.cases import Case, over
 from vctune.proof.claims.claim import Claim, Question
 from vctune.proof.claims.covered import BAND_RATIO, Covered, Place, negative
-from vctune.proof.claims.delays import Part
+from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.envelope import above_envelope, have_the_same_gains
 from vctune.proof.claims.in_hands import (
     ON_AXES,
@@ -115,7 +115,7 @@ def _prove(question: Question) -> Outcome:
     if kind.senses_force and kind.own_loop and not design.gains.closed and design.series.drag == 0:
         return Outcome(Verdict.UNDECIDED, 0, 0.0)  # nothing opposes a drift of the coupling's mass
 
-    def tests(part: Part, fixed: Values) -> Tests:
+    def tests(part: DelayPart, fixed: Values) -> Tests:
         test = tested_with(question, part, fixed, hand_margin, limp_hand_margin)
         if not kind.own_loop:
             return [(test, None)]

@@ -13,7 +13,7 @@ import numpy as np
 from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, stacked
+from vctune.model.hands import MASS, STIFFNESS, Hand, Hands, hands_as_one
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import keys_of
 from vctune.model.sampled.hand_loop import NextToRest
@@ -23,7 +23,7 @@ from vctune.proof.boxes import FREQUENCY, HALF_TURN, SAMPLES_BEFORE, Boxes, Valu
 from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
 from vctune.proof.claims.claim import Question
 from vctune.proof.claims.covered import Covered, in_rad_per_s, of_design
-from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, Ends, Part, parts_of, row_of
+from vctune.proof.claims.delays import DELAY_ROWS, NEXT_TO, DelayPart, Ends, parts_of, row_of
 from vctune.proof.claims.poles import coupling_turns, free_at_rest, hand_turns
 from vctune.proof.device_box import MOST_AT_ONCE, DeviceBox
 from vctune.proof.enclosures.intervals import Enclosure, Flags, Floats, decimal_or_inf, surely_negative
@@ -58,7 +58,7 @@ class Asked:
     """A claim about a design in every hand, on every device of a box."""
 
     question: Question
-    tests: Callable[[Part, Values], Tests]  # the tests that prove the claim on a part of the boxes
+    tests: Callable[[DelayPart, Values], Tests]  # the tests that prove the claim on a part of the boxes
     fails: Fails
     # whether the whole samples of an uncertain delay are a row of the boxes, where this needs fewer of them than a part
     # for each number of samples
@@ -89,7 +89,7 @@ def limp(design: Design, demands: Demands) -> bool:
 
 def tested_with(
     question: Question,
-    part: Part,
+    part: DelayPart,
     fixed: Values,
     margin: Callable[[Case, Number], Any],
     at_rest: Callable[[Case, Number], Any] | None,
@@ -187,7 +187,7 @@ def fixed_of(design: Design) -> Values:
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
 
-def boxes_over(part: Part) -> Boxes:
+def boxes_over(part: DelayPart) -> Boxes:
     """Return the first boxes over the angle and all rows of a part, with one owner."""
     boxes = over_band(part.names, part.low, part.high, band_of(0.0, HALF_TURN, STEP))
     boxes = replace(boxes, owner=np.zeros_like(boxes.owner))
@@ -198,7 +198,7 @@ def boxes_over(part: Part) -> Boxes:
     return boxes.divided(row_of("mass"), STEP)
 
 
-def _in_doubt(asked: Asked, part: Part, point: Floats, boxes: int) -> Outcome:
+def _in_doubt(asked: Asked, part: DelayPart, point: Floats, boxes: int) -> Outcome:
     """Decide at a point where boxes did not prove the claim."""
     design, uncertain = asked.question.design, uncertain_in(asked.question.box)
     for row, name in enumerate(part.names):
@@ -239,7 +239,7 @@ def ends_of(
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
         low = high = list(corners)
-    least, most = (stacked(each).by_key if each else {} for each in (low, high))
+    least, most = (hands_as_one(each).by_key if each else {} for each in (low, high))
     ends = {key: (least[key], most[key]) for key in least}
     if at_rest:
         spring = np.sign([hands.high.stiffness]) if hands is not None else np.ones(1)

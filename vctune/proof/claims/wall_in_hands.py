@@ -15,7 +15,7 @@ from vctune.proof.boxes import Cells, Values, over_hands, with_row
 from vctune.proof.claims.cases import COUPLING_SHARE, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question
 from vctune.proof.claims.covered import Covered, Place, of_design
-from vctune.proof.claims.delays import Part
+from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.hands import band, few, prove_cells
 from vctune.proof.claims.in_hands import Asked, Tests, devices_of, ends_of, no_pole_crosses, uncertain_in
 from vctune.proof.claims.poles import hand_curve, hand_turns, unstable
@@ -31,7 +31,7 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
         if _unstable(replace(design, device=device), demands, hand):
             return Outcome(Verdict.REFUTED, 0, theta / device.sample_time, device if uncertain else None, hand)
 
-    def tests(part: Part, fixed: Values) -> Tests:
+    def tests(part: DelayPart, fixed: Values) -> Tests:
         return [(misses_zero(over(hand_curve, demands, uncertain, part.delays), fixed), None)]
 
     def fails(design: Design, hand: Hand | None, _theta: float, share: float) -> bool:

@@ -31,7 +31,7 @@ from vctune.model.worlds import Worlds
 from vctune.proof.boxes import Values
 from vctune.proof.claims.cases import Case, exact_case
 from vctune.proof.claims.claim import Claim, Outcomes, Question
-from vctune.proof.claims.delays import Part
+from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.in_hands import Asked, Tests, ends_of, limp, no_pole_crosses, tested_with
 from vctune.proof.claims.worlds import WORLDS, met_by_environment, met_of, offered_to, seen_at_rest
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Floats, decimal, surely_negative
@@ -142,7 +142,7 @@ def _prove(question: Question, known: Outcomes) -> Outcome:
     if not usable or known[WORLDS.id].verdict is not Verdict.PROVED:
         return Outcome(Verdict.UNDECIDED, 0)
 
-    def tests(part: Part, fixed: Values) -> Tests:
+    def tests(part: DelayPart, fixed: Values) -> Tests:
         found = Tests()
         for lead in LEADS:
             at_rest = partial(limp_walls_margin, lead=lead) if worlds.high.mass < inf else None

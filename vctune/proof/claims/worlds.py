@@ -28,7 +28,7 @@ from vctune.model.worlds import WorldsMet
 from vctune.proof.boxes import Values
 from vctune.proof.claims.cases import Case, exact_case
 from vctune.proof.claims.claim import Claim, Outcomes, Question, Suspect
-from vctune.proof.claims.delays import Part
+from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.in_hands import (
     ON_AXES,
     Asked,
@@ -160,7 +160,7 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
             off = device if len(devices) > 1 else None
             return Outcome(Verdict.REFUTED, 0, theta / device.sample_time, off, hand)
 
-    def tests(part: Part, fixed: Values) -> Tests:
+    def tests(part: DelayPart, fixed: Values) -> Tests:
         return [(tested_with(question, part, fixed, margin, at_rest), None)]
 
     ends = ends_of(demands.hands, box, at_rest=limp(design, demands))
