@@ -26,7 +26,7 @@ from vctune.document.schema.rules import impossible_parts
 from vctune.document.schema.statement import device_table, statement
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
-from vctune.document.text.toml import toml_text
+from vctune.document.text.toml import toml_text, unlisted
 from vctune.model import device as devices
 from vctune.model.display import ADMITTANCE, DISPLAYS, STEPPED, Display
 from vctune.model.fields import table_of, with_plain_signature
@@ -123,7 +123,7 @@ def problem(source: ProblemSource) -> ProblemFile:
     if not isinstance(source, Mapping | Problem):
         message = f"{shown(source)} states none; give the path of a problem file, or its tables as a dict"
         raise InputError.of("problem", "bad-option", message)
-    document = statement(source) if isinstance(source, Problem) else plain(source)
+    document = statement(source) if isinstance(source, Problem) else unlisted(plain(source))
     if isinstance(source, Mapping) and (operator := getattr(source.get("device"), "operator", None)) is not None:
         document["operator"] = plain(operator)  # that of a `Device` has a table of its own
     posed, faults = problem_at(document, "problem")

@@ -55,9 +55,7 @@ class RecordingRecord(RecordPart):
     sample_time: float
     kind: str  # kind of the excitation, in words
     residual_share: Nullable  # root mean square residual as a share of the motion
-    chi2: (
-        Nullable  # residual relative to the noise alone, squared, per degree of freedom; null if noise is unknown
-    )
+    chi2: Nullable  # residual relative to the noise alone, squared, per degree of freedom; null if noise is unknown
     numbers: list[NumberRecord]  # fitted numbers, and numbers derived from them
     derived: list[NumberRecord]
     candidates: list[CandidateRecord]  # structures of the device that the fit compared

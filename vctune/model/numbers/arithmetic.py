@@ -70,6 +70,9 @@ class ArrayArithmetic(Arithmetic, Protocol):
     def stacked(self, numbers: Sequence[Number]) -> Number:
         """Return numbers stacked along a new first axis; some of them may be plain."""
 
+    def shape(self, x: Number) -> tuple[int, ...]:
+        """Return the shape of x; that of a plain number is empty."""
+
     def matmul(self, a: Number, b: Number) -> Number:
         """Return the matrix products A B, one for each index of the further axes."""
 
@@ -108,6 +111,8 @@ class _FloatArithmetic:
         for place, x in enumerate(numbers):
             found[place] = x
         return found
+
+    shape = staticmethod(np.shape)
 
     @staticmethod
     def matmul(a: Number, b: Number) -> Number:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -168,27 +168,6 @@ def inverse(matrix: Matrix) -> Matrix:
                     for j, (a, b) in enumerate(zip(rows[k], rows[i], strict=True))
                 ]
     return tuple(tuple(row[n:]) for row in rows)
-
-
-def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
-    """Return the n x n minors of n rows of n + 1 columns, by the index of the omitted column."""
-    width = len(rows) + 1
-    found: dict[int, Number] = {0: None}
-    for row in rows:
-        wider: dict[int, Number] = {}
-        for columns, minor in found.items():
-            for j, entry in enumerate(row):
-                if entry is None or columns >> j & 1:
-                    continue
-                term = entry if minor is None else minor * entry
-                # each column to the right of j that earlier rows have used counts as one exchange of columns
-                if (columns >> j).bit_count() % 2:
-                    term = term.scaled(-1)
-                both = columns | 1 << j
-                wider[both] = wider[both] + term if both in wider else term
-        found = wider
-    everything = (1 << width) - 1
-    return {(everything ^ columns).bit_length() - 1: minor for columns, minor in found.items()}
 
 
 def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:

@@ -75,7 +75,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
         return EvenOdd(even, odd, at.square)
 
     def states(older: Vector | None) -> dict[int, EvenOdd]:
-        return numerators(equations(plant.rates, plant.step, plant.push, older, at.cos, at.square))
+        return numerators(equations(plant.rates, plant.step, plant.push, older, at.cos, at.square), ops)
 
     if plant.meets_position:
         found, late = states(plant.older), at.late(plant.delays.loop, number)
@@ -139,7 +139,7 @@ def _next_to_rest(
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
             # the hand's spring acts only through -K x_1
             row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
-        return numerators(rows)
+        return numerators(rows, ops)
 
     moved = EvenOdd(square * half, at.cos, square)  # d/rho
     grip = 0 if nothing(plant.felt[0]) else rest.spring

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,18 +31,16 @@ from vctune.model.numbers.matrices import (
     exponential_less_one,
     half_coth,
     identity,
-    minors,
     nothing,
     scaled,
     times,
 )
-from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.numbers.minors import minors
+from vctune.model.numbers.pair import EvenOdd
 from vctune.model.sampled.circle import left_by_older, split_delay
 from vctune.model.sampled.rigid_sample import half_coth_of, powers_of, share_of_older
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
 from vctune.model.sections import Section
-
-Complex = TypeVar("Complex", EvenOdd, Pair)
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,12 +328,12 @@ def equations(
     return [[*map(entry, a, q), b] for a, q, b in zip(rates, step, pushed, strict=True)]
 
 
-def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
+def numerators(rows: list[list[EvenOdd | None]], ops: Arithmetic) -> dict[int, EvenOdd]:
     """Return the solution of n linear equations by Cramer's rule: the determinant, and the determinant times each
     unknown."""
     n = len(rows)
     # the right-hand side, the last column, moves past n - 1 - j others to column j
-    return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}
+    return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows, ops).items()}
 
 
 class SeveralDevices(NamedTuple):

@@ -129,7 +129,7 @@ def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, positio
     equal = equations(plant.rates, plant.step, plant.push, plant.older, at.cos, at.square)
     # nothing holds the position: its column is (1, 0, 0, ...) if the unknown is 2 j s times the position
     rows = [[EvenOdd(1, 0, at.square) if row == 0 else None, *others[1:]] for row, others in enumerate(equal)]
-    solved = {state: pair(found.even, found.odd) for state, found in numerators(rows).items()}
+    solved = {state: pair(found.even, found.odd) for state, found in numerators(rows, ops).items()}
     delayed, back = at.late(plant.delays.loop, pair), pair(at.cos, -1)
     open_loop, travel = solved[len(plant.push)], solved[0] * delayed * back
     motor = solved[1]

@@ -98,8 +98,8 @@ def case_at(
         share=number(share),
         delays=delays,
         values={} if exactly is None else exactly.by_key,
-        let_go=lambda: plant_let_go(exact.device, whole, ops, fractional=fraction > 0),
-        held=lambda: plant_in_hand(exact.device, exactly or NO_HAND, delays, ops),
+        let_go=cache(lambda: plant_let_go(exact.device, whole, ops, fractional=fraction > 0)),
+        held=cache(lambda: plant_in_hand(exact.device, exactly or NO_HAND, delays, ops)),
         ops=ops,
     )
 

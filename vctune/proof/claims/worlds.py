@@ -7,6 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import pi
+from typing import Any
+
+import numpy as np
 
 from vctune.model.demands import Demands
 from vctune.model.design import Design
@@ -40,8 +43,9 @@ from vctune.proof.claims.in_hands import (
     no_pole_crosses,
     tested_with,
 )
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, surely_negative
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, negative, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
+from vctune.running import check_time
 
 NARROW, HALVINGS = 1e-10, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
 
@@ -100,7 +104,8 @@ def crossing(design: Design, demands: Demands, suspect: Suspect) -> float | None
     there = exact_case(replace(design, device=suspect.device.undisturbed), replace(demands, factor=1.0), suspect.hand)
     low, high = suspect.angles
 
-    def at(first: float, last: float) -> tuple[Number, Number, Number]:
+    def at(first: Any, last: Any) -> tuple[Number, Number, Number]:
+        check_time()
         return sums(margins_in_worlds(there, between(first, last)))
 
     def is_above(theta: float) -> bool:
@@ -125,12 +130,14 @@ def crossing(design: Design, demands: Demands, suspect: Suspect) -> float | None
             high = middle
         else:
             break
-    parts = [(low, high)]
+    first, last = np.array([low]), np.array([high])
     for _ in range(HALVINGS):
-        parts = [part for part in parts if not surely_negative(at(*part)[0])]
-        if not parts:
+        left = ~np.broadcast_to(negative(at(first, last)[0]), first.shape)
+        if not left.any():
             return 0.5 * (low + high)
-        parts = [half for a, b in parts for half in ((a, 0.5 * (a + b)), (0.5 * (a + b), b))]
+        first, last = first[left], last[left]
+        middle = 0.5 * (first + last)
+        first, last = np.append(first, middle), np.append(middle, last)
     return None
 
 

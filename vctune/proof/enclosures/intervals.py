@@ -134,7 +134,12 @@ def decimal_or_inf(x: float) -> Number:
 
 def surely_negative(x: Number) -> bool:
     """Return whether a single number is certainly negative."""
-    return bool(x.negative()) if isinstance(x, Enclosure) else bool(x < 0)
+    return bool(negative(x))
+
+
+def negative(x: Number) -> Flags:
+    """Return where a number is certainly negative."""
+    return np.asarray(x.negative() if isinstance(x, Enclosure) else x < 0)
 
 
 def stacked(numbers: Sequence[Any]) -> Enclosure:
@@ -180,6 +185,11 @@ class _EnclosureArithmetic:
     pi = Enclosure(np.pi, UNIT * np.pi)
     precision = UNIT
     stacked = staticmethod(stacked)
+
+    @staticmethod
+    def shape(x: Number) -> tuple[int, ...]:
+        return np.shape(x.mid) if isinstance(x, Enclosure) else np.shape(x)
+
     matmul = staticmethod(matmul)
 
     @property

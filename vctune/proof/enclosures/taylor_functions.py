@@ -149,6 +149,10 @@ class _TaylorArithmetic:
         return stacked(numbers) if any(isinstance(x, Taylor) for x in numbers) else ENCLOSURES.stacked(numbers)
 
     @staticmethod
+    def shape(x: Number) -> tuple[int, ...]:
+        return x.coefficients.shape[1:] if isinstance(x, Taylor) else ENCLOSURES.shape(x)
+
+    @staticmethod
     def matmul(a: Number, b: Number) -> Number:
         one = next((x for x in (a, b) if isinstance(x, Taylor)), None)
         return ENCLOSURES.matmul(a, b) if one is None else _like(a, one).matmul(_like(b, one))
