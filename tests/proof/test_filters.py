@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from math import inf
+from math import inf, pi
 from typing import Any
 
 import numpy as np
 import pytest
+from arithmetic import DOUBLES
 from conftest import mostly_slow
 from draws import sections
+from frequency import demanded
 from loop import Loop, radius
 from scipy import signal
 
@@ -18,6 +20,7 @@ from vctune import InputError
 from vctune.design.prepared import pose
 from vctune.model.design import Design
 from vctune.model.gains import Gains, SpringDamper
+from vctune.model.sections import greatest_gain
 from vctune.proof.claims.covered import of_design
 from vctune.proof.claims.poles import coupling_turns
 
@@ -157,3 +160,59 @@ def test_a_program_states_sections_as_scipy_gives_them(rows):
     )
     with pytest.raises(InputError, match="section 1 is unstable"):
         vctune.Device(0.4, 2.0, 1e-3, velocity=vctune.VelocityEstimate(sections=[[1.0, 0.0, 0.0, 1.0, -2.1, 1.2]]))
+
+
+def amplifying(rng: np.random.Generator) -> list[float]:
+    """Return a section of any poles and zeros, with the gain 1 at rest."""
+    poles, zeros = (
+        np.poly(radius * np.exp(1j * angle * np.array([1, -1]))).real
+        for radius, angle in ((rng.uniform(0.6, 0.97), rng.uniform(0.8, 2.9)), rng.uniform([0, 0.3], [1.2, 3.0]))
+    )
+    return [float(x) for x in (*(zeros * poles.sum() / zeros.sum()), *poles)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_greatest_gain_of_sections_is_bounded_closely(seed):
+    rng = np.random.default_rng(seed)
+    rows = [amplifying(rng), [0.5, 0.2, 0.0, 1.0, -0.3, 0.0]]
+    z, each = np.exp(-1j * np.linspace(0, pi, 20_001)), []
+    for row in rows:
+        each.append(np.abs(np.polyval(row[2::-1], z) / np.polyval(row[:2:-1], z)).max())
+    found = greatest_gain(tuple(map(tuple, rows)))
+    assert np.prod(each) <= found <= 1.05 * np.prod(each)
+
+
+def stable_model(device: dict[str, Any], K_v: float) -> str:
+    """Return the verdict on the poles of the frequency model."""
+    tables = {
+        "device": device, "gains": {"velocity": K_v, "position": 0.0},
+        "coupling": {"damping": 1e3, "mass": 5.0, "drag": 0.0},
+        "stability": {"criterion": "passive", "band_hz": [1.0, 20.0], "max_sensitivity": 1e6, "safety_factor": 1.0},
+    }  # fmt: skip
+    return judged(tables).certificate.outcomes["stable_model"].verdict.value
+
+
+def test_sections_that_amplify_make_the_model_unstable_far_above_its_corner():
+    """A gain of 29 near 455 Hz, where K_v alone is a tenth of the inertia."""
+    above = [3.154, -0.0094, 0.0752]
+    above[2] += 1 + 1.545 + 0.6748 - sum(above)
+    device = {"mass": 0.4, "damping": 1.0, "sample_time": 1e-3, "delay": 3e-4}
+    device["velocity"] = {"sections": [[*above, 1.0, 1.545, 0.6748]]}
+    root = 46.485 + 2858.548j
+    sides = [demanded({"device": device}, (70.0, 0.0), root + off, DOUBLES).D for off in (0.0, 50.0)]
+    assert abs(sides[0]) < 1e-4 * abs(sides[1])
+    assert stable_model(device, 70.0) == "refuted"
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(40), range(8)))
+def test_poles_of_the_model_are_counted_behind_sections_that_amplify(seed):
+    """D turns on after the motor's inertia alone would outweigh K_v: the gain of the sections counts."""
+    rng = np.random.default_rng((7, seed))
+    T, mass = 1e-3, 0.4
+    K_v = float(mass / T * 10 ** rng.uniform(-2.5, -0.3))
+    device = {"mass": mass, "damping": 1.0, "sample_time": T, "velocity": {"sections": [amplifying(rng)]}}
+    s = 1e-6 / T + 1j * np.concatenate([np.geomspace(1e-8, 1e-2, 2000), np.linspace(1e-2, 400, 200_000)]) / T
+    turns = np.unwrap(np.angle(demanded({"device": device}, (K_v, 0.0), s, DOUBLES).D))
+    poles = (turns[0] - turns[-1]) / pi
+    verdict = stable_model(device, K_v)
+    assert verdict == "undecided" or (verdict == "proved") == (abs(poles) < 0.3), (verdict, poles)

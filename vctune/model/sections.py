@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from fractions import Fraction
 from functools import lru_cache
+from math import sqrt
+
+import numpy as np
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import add, nothing, times
@@ -104,6 +107,45 @@ class Section:
         # D - N = (1 - 1/z) (first + second/z), and D = rest - 2 (1 + again) s^2 + 2 j s less cos
         kept = (first + second) * less - (first - second) * self.rest / 2
         return kept + square * ((first - second) * (1 + self.again) - (first + second) * less)
+
+
+ABOVE = 1.02  # Factor by which a bound of a gain may exceed the greatest gain found
+
+
+@lru_cache(maxsize=64)
+def greatest_gain(rows: SectionRows) -> float:
+    """Return a proved bound of the gain of sections, |N/D| of each on the unit circle.
+
+    With x = sin^2(theta/2), |N|^2 and |D|^2 are quadratic; m |D|^2 - |N|^2 is examined with fractions.
+    """
+    total = 1.0
+    for section in sections_of_rows(rows):
+        above, below = _squares(section)
+        x = np.linspace(0.0, 1.0, 2001)
+        values = [np.polynomial.polynomial.polyval(x, [float(each) for each in part]) for part in (above, below)]
+        square = Fraction(float((values[0] / values[1]).max()) * ABOVE)
+        while not _not_negative([square * b - a for a, b in zip(above, below, strict=True)]):
+            square *= Fraction(ABOVE)
+        total *= sqrt(float(square)) * (1 + GAIN_OFF)
+    return total
+
+
+def _squares(section: Section) -> tuple[list[Fraction], list[Fraction]]:
+    """Return the coefficients of 1, x and x^2 in |N|^2 and |D|^2, from `above` and `below`."""
+    now, before, earlier, again = map(Fraction, astuple(section))
+    g, p, q = now + before + earlier, now + earlier, now - earlier
+    if section.first_order:
+        return [g * g, (now - before) ** 2 - g * g, Fraction(0)], [g * g, (2 - g) ** 2 - g * g, Fraction(0)]
+    more, less = 1 + again, 1 - again
+    above = [g * g, 4 * q * q - 4 * g * p, 4 * (p * p - q * q)]
+    return above, [g * g, 4 * less * less - 4 * g * more, 16 * again]
+
+
+def _not_negative(quadratic: Sequence[Fraction]) -> bool:
+    """Return whether a quadratic is nowhere negative for 0 <= x <= 1."""
+    a, b, c = quadratic
+    inside = c > 0 and 0 < -b < 2 * c
+    return a >= 0 and a + b + c >= 0 and not (inside and 4 * a * c < b * b)
 
 
 @lru_cache(maxsize=64)

@@ -23,6 +23,7 @@ from vctune.model.numbers.units import KEYS
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter
 from vctune.model.sampled.velocity_loop import return_difference, unturned
+from vctune.model.sections import greatest_gain
 from vctune.proof.box_tests import misses_zero, turned_angles
 from vctune.proof.boxes import Boxes, Integers
 from vctune.proof.claims.cases import Case, values_of
@@ -184,6 +185,8 @@ def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) 
     There no spring pulls a mass at its ends with more than a share of its inertia, and all shares together are small.
     """
     size, of = ops.magnitude, chain(device, ops)
+    if device.velocity is not None and device.velocity.sections is not None:  # which alone may amplify the estimate
+        K_v = K_v * greatest_gain(device.velocity.sections)
     if not of.links:
         return 4 * max(size(K_v / device.mass), sqrt(size(K_p / device.mass)))
     rates, squares, ahead = [size(K_v / of.motor)], [size(K_p / of.motor)], of.motor
