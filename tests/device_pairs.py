@@ -27,4 +27,6 @@ def tables_of(device: Device) -> Tables:
 
 def device_of(table: Tables) -> Device:
     """Return the device of a problem file."""
-    return vctune.problem({"device": table}).problem.device
+    in_hands = table.get("velocity", {}).get("at") == "handle"  # which is proved in no other hands
+    stability = {"stability": {"criterion": "hands"}} if in_hands else {}
+    return vctune.problem({"device": table, **stability}).problem.device

@@ -123,7 +123,7 @@ def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
     begin, c = equilibrium(scene), controller_of(scene.law)
     y, command, now, felt = np.zeros(SIZE), begin.motor, Fraction(0), {}
     y[[0, 2, 4, 6]] = begin.position, begin.bend, begin.motor, begin.hand
-    state = at_rest(c, begin.position, begin.reference)
+    state = at_rest(c, begin.sensed(device), begin.reference)
     events = [(k * T - late, 0, k, 0.0) for k in range(samples)] + [(k * T, 1, k, 0.0) for k in range(samples)]
     heapq.heapify(events)
     out: dict[str, list[float]] = {name: [] for name in RECORDED}
@@ -135,7 +135,8 @@ def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
         if kind == 0:  # the sensor looks for sample k
             felt[k] = read if time >= 0 else begin.hand
         elif kind == 1:
-            state, given = control(c, state, Measurement(y[0], y[1], felt[k]), FLOATS)
+            seen = body.handle(y) if device.at_handle else (y[0], y[1])
+            state, given = control(c, state, Measurement(*seen, felt[k]), FLOATS)
             heapq.heappush(events, (time + delay, 2, k, given.given))
             for name, number in zip(RECORDED, (*body.handle(y), force, given.given, y[0], y[1]), strict=True):
                 out[name].append(number)

@@ -26,6 +26,14 @@ CASES = {
         (30.0, 200.0), (20.0, 0.2, 2.0), (0.0, 0.0, 200.0),
     ),
     "flexible": (RIGID | FLEXIBLE | {"velocity": {"sections": NOTCH}}, (40.0, 0.0), (inf, 0.3, 1.0), (0.2, 3.0, 0.0)),
+    "handle sensed": (
+        RIGID | FLEXIBLE | {"velocity": {"from": "difference", "at": "handle"}, "delay": 4e-4},
+        (4.0, 0.0), (20.0, 0.3, 1.0), (0.2, 3.0, 0.0),
+    ),
+    "display, handle sensed": (
+        DUAL | FLEXIBLE | {"velocity": {"filter_hz": 80.0, "at": "handle"}},
+        (0.1, 0.0), (0.1, 30.0), (0.05, 1.0, 100.0),
+    ),
     "rigid world": (RIGID | {"delay": 4e-4}, (60.0, 500.0), (20.0, 0.1, 1.0), (0.0, 0.0, inf)),
     "display": (DUAL | {"delay": 6e-4, "velocity": {"filter_hz": 80.0}}, (0.3, 0.0), (0.5, 300.0), (0.05, 1.0, 100.0)),
     "display, free": (DUAL | {"velocity": {"sections": NOTCH}}, (0.3, 0.0), (0.5, 300.0), (0.0, 0.0, 0.0)),

@@ -42,6 +42,25 @@ def test_a_fault_names_its_line(tmp_path, text, line, message):
     assert any(fault.line == line and message in fault.message for fault in error.value.mistakes), error.value
 
 
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("", "not proved in any passive hand"),
+        ("[stability]\ncriterion = 'passive'\n", "not proved in any passive hand"),
+        ("[device.velocity]\nresolution = 1e-6\nfrom = 'difference'\n", "is of an encoder on the motor"),
+    ],
+)
+def test_a_sensor_at_the_handle_is_proved_in_hands(tmp_path, more, said):
+    at = "[device.velocity]\nat = 'handle'\n"
+    more = more.replace("[device.velocity]\n", at) if "velocity" in more else at + more
+    with pytest.raises(vctune.InputError, match=said):
+        posed(tmp_path, HEAD + ONE + more)
+    with pytest.raises(vctune.InputError, match="behind a spring"):
+        posed(tmp_path, HEAD + at)
+    for hands in ("[stability]\ncriterion = 'hands'\n", "[environment]\nstiffness = { max = 100.0 }\n"):
+        assert posed(tmp_path, HEAD + ONE + at + hands).problem.device.at_handle
+
+
 def test_any_passive_hand_of_a_display_has_one_spring(tmp_path):
     dual = HEAD.replace("[device]", '[device]\ndisplay = "impedance"')
     with pytest.raises(vctune.InputError, match='criterion = "hands"'):

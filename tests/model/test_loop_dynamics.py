@@ -6,14 +6,17 @@ from dataclasses import astuple, replace
 from math import inf, pi
 from typing import Any
 
+import frequency
 import numpy as np
 import pytest
 from agreement import all_to_all_digits, to_all_digits
 from arithmetic import DIGITS, DOUBLES, Digits
 from conftest import drawn
 from device_cases import NUM, Case, cases, loop_of
+from device_pairs import device_of
+from draws import built, gains_for
 from frequency import demanded, estimate, low_pass, offered
-from loop import Loop, matrix, radius
+from loop import Loop, matrix, radius, sensitivity
 from random_devices import frequencies
 
 from vctune.analysis.sampled_loop import sensitivity_of
@@ -77,6 +80,32 @@ def test_model_agrees_with_the_definitions(kind, count):
     assert worst["R/attenuation"][0] < 1e-14, worst["R/attenuation"]
     assert worst["G_hh"][0] < 1e-12, worst["G_hh"]
     assert worst["tracking"][0] < 1e-12, worst["tracking"]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_springs_agree_with_the_definitions(seed):
+    """R, |G_hh|, |1 - G_he| and |S| of two or three springs, sensed at the motor or at the handle."""
+    rng = np.random.default_rng((41, seed))
+    parts = [part for part in ("at handle", "difference", "actuator", "low-pass", "delay") if rng.random() < 0.5]
+    table = built(rng, "springs", *parts)
+    device, gains = device_of(table), Gains(*gains_for(rng, table, float(rng.choice([0.0, 0.5]))))
+    resonances = np.concatenate(frequency.resonances(table))
+    for omega in np.concatenate([resonances * 1.01, 10 ** rng.uniform(-3, 0, 6) / device.sample_time]).tolist():
+        true = demanded({"device": table}, astuple(gains), NUM.i * NUM.number(omega), NUM)
+        ours = loop_of(device, gains, omega)
+        assert relative(np.sqrt(G_hh_abs2(ours)), abs(true.G_hh)) < 1e-9
+        assert relative(np.sqrt(tracking_abs2(ours)), abs(true.tracking)) < 1e-9
+        if not device.at_handle:
+            assert relative(ours.resistance / D_abs2(ours), true.resistance) < 1e-8
+            assert relative(required_resistance(ours, FLOATS), true.required) < 1e-7
+    at = np.geomspace(1e-3, 3.1, 40)
+    let_go = {key: value for key, value in table.items() if key != "force_sensor"}
+    expected = np.abs([sensitivity(Loop(let_go, astuple(gains)), np.exp(1j * theta)) for theta in at])
+    assert sensitivity_of(device, gains)(at / device.sample_time) == pytest.approx(expected, rel=1e-6)
+
+
+def D_abs2(loop: Any) -> float:
+    return float(loop.D_scaled.abs2() / loop.scale2)
 
 
 @pytest.mark.slow

@@ -93,6 +93,8 @@ def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
             }
         elif part == "measured":
             device["velocity"] = device.get("velocity", {}) | {"from": "measured"}
+        elif part == "at handle":
+            device["velocity"] = device.get("velocity", {}) | {"at": "handle"}
         elif part == "sections":
             device["velocity"] = device.get("velocity", {}) | {"sections": sections(rng)}
         elif part == "felt sections":

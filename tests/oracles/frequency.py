@@ -124,8 +124,10 @@ def demanded(tables: Tables, gains: tuple[float, float], s: Any, num: Arithmetic
     push = low_pass(device.get("actuator", {}), s, num) * hold(device, s, num)
     C_0, C_f = push * (K_v + K_p / s), push * (K_v * estimate(device, s, num) + K_p / s)
     P_hh, P_hu, P_mh, P_mu = (P * (1 + delta) for P in mechanism(device, s, num))
-    D = 1 + P_mu * C_f
-    G_hh, G_he = (P_hh + C_f * (P_hh * P_mu - P_hu * P_mh)) / D, P_hu * C_0 / D
+    at_handle = device.get("velocity", {}).get("at") == "handle"
+    P_sh, P_su = (P_hh, P_hu) if at_handle else (P_mh, P_mu)  # of what is sensed
+    D = 1 + P_su * C_f
+    G_hh, G_he = (P_hh + C_f * (P_hh * P_su - P_hu * P_sh)) / D, P_hu * C_0 / D
     sensor, T = device.get("force_sensor", {}), num.number(device["sample_time"])
     F_s = low_pass(sensor, s, num) * firmware(sensor, T, num.exp(s * T), num)
     Z_h = num.number(hand.get("mass", 0.0)) * s + num.number(hand.get("damping", 0.0))

@@ -50,6 +50,18 @@ class Loop:
         """Return a number of one of the device's tables."""
         return self.num.number(self.device.get(table, {}).get(key, default))
 
+    @property
+    def at_handle(self) -> bool:
+        """Whether the firmware reads the handle's position and velocity, not the motor's."""
+        return self.device.get("velocity", {}).get("at") == "handle"
+
+    def read(self, body: np.ndarray) -> tuple[Any, Any]:
+        """Return the position and the velocity that the firmware reads."""
+        if not self.at_handle:
+            return body[0], body[1 % len(body)]
+        springs = sum(table in self.device for table in STRUCTURES)
+        return body[0] + sum(body[2 + 2 * n] for n in range(springs)), body[1 + 2 * springs]
+
     @cached_property
     def T(self) -> Any:
         """Sample time, s."""
@@ -225,11 +237,12 @@ def step(  # noqa: PLR0912, PLR0915
     new = {name: 0 * value for name, value in get.items()}
     K_v, K_p = (num.number(x) for x in loop.gains)
     m, d, k = (num.number(x) for x in loop.world)
-    body, x = get["body"], get["body"][0] + misread
+    body, (x, v) = get["body"], loop.read(get["body"])
+    x = x + misread
     velocity = loop.device.get("velocity", {})
     y = (x - get["before"][0]) / T
     source = velocity.get("from", "difference" if loop.kind == "impedance" else "measured")
-    estimated = y if source == "difference" else body[1 % len(body)]
+    estimated = y if source == "difference" else v
     smoothed, new["smoothed"] = _smoothed(loop, get["smoothed"], estimated)
     hard = 2 / T * m
     if loop.kind == "impedance":
@@ -421,13 +434,13 @@ def offered(loop: Loop, z: Any) -> Any:
 
 
 def sensitivity(loop: Loop, z: Any) -> Any:
-    """Return S of the velocity loop: what remains at the motor of a force that is added to the command."""
+    """Return S of the velocity loop: what remains at the sensor of a force that is added to the command."""
     open_ = Loop(loop.device, (0.0, 0.0), loop.coupling, loop.hand, NOTHING, loop.num)
     return _motion(loop, z) / _motion(open_, z)
 
 
 def _motion(loop: Loop, z: Any) -> Any:
-    """Return the motor's velocity per unit of a force beside the command, the environment at rest."""
+    """Return the sensed velocity per unit of a force beside the command, the environment at rest."""
     num, size, at = loop.num, Memory(loop).size, Memory(loop).at
     one = num.eye(size)
     b = one[0] * 0
@@ -435,7 +448,7 @@ def _motion(loop: Loop, z: Any) -> Any:
     if loop.late[0] == 0:
         b[at["body"]] = loop.spans["new"][1]
     after, _ = step(loop, one, 0 * one[0])
-    return Port(after, b, one[at["body"].start + 1], num.number(0), num)(z)
+    return Port(after, b, loop.read(one[at["body"]])[1], num.number(0), num)(z)
 
 
 def turn(loop: Loop, theta: Any) -> Any:

@@ -91,7 +91,9 @@ class Stepped:
             queue = memory[n + 40 :].copy()  # the last commands, the newest first
             slow = "bandwidth_hz" in self.device.get("force_sensor", {})
             read = (x[5] if slow else force) * np.exp(-1j * self.omega * ago)  # nothing but the hand moves the sensor
-            command, firmware = self.firmware(x[0], x[1], read, firmware)
+            at_handle = self.device.get("velocity", {}).get("at") == "handle"
+            place, speed = (x[0] - x[2], x[3]) if at_handle else (x[0], x[1])
+            command, firmware = self.firmware(place, speed, read, firmware)
             queue = np.concatenate(([command], queue[:-1]))
             held = (queue[:-1] - queue[1:]) / T if between else queue
             spans, total, at = ((0.0, rest, held[whole + 1]), (rest, 1.0, held[whole])), 0j, x

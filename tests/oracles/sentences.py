@@ -641,6 +641,10 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "springs, low-passes": lambda rng: own_loop(rng, "springs", "difference", "filter", "low-pass"),
     "springs, box of environments": lambda rng: own_loop(rng, "springs", "actuator", number="drag", world="box"),
     "springs, uncertain": lambda rng: own_loop(rng, "springs", "part of a sample", uncertain=1),
+    "handle sensed": lambda rng: own_loop(rng, "structure", "at handle", integrator=0.0),
+    "handle sensed, springs": lambda rng: own_loop(rng, "springs", "at handle", "difference", "actuator"),
+    "display, handle sensed": lambda rng: display(rng, "structure", "at handle"),
+    "wall in hands, handle sensed": lambda rng: display(rng, "springs", "measured", "at handle", rigid=True),
     "display, springs": lambda rng: display(rng, "springs"),
     "wall in hands, springs": lambda rng: display(rng, "springs", "filter", rigid=True),
 }

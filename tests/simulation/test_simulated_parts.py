@@ -16,6 +16,7 @@ from command import run as vctune
 from command import strict
 from conftest import ROOT, for_passive_hands, mostly_slow
 from device_pairs import Tables, device_of
+from draws import built
 from kinds import admittance
 from loop import Loop, matrix
 from scipy.integrate import trapezoid
@@ -64,6 +65,9 @@ DEVICES = {
     "late force": replace(IDEAL, delay=1.4e-3, force_sensor=ForceSensor(delay=1.3e-3)),
     "force sensed as a command arrives": replace(IDEAL, delay=0.3e-3, force_sensor=ForceSensor(delay=0.7e-3)),
     "flexible": replace(IDEAL, structure=EVERYTHING.structure),
+    "handle sensed": replace(
+        IDEAL, structure=replace(EVERYTHING.structure, damping_ratio=0.3), velocity=VelocityEstimate(at="handle")
+    ),
     "everything": EVERYTHING,
     "everything later": replace(EVERYTHING, delay=2.7e-3, force_sensor=ForceSensor(400.0, 1, 3.8e-3)),
 }
@@ -121,9 +125,20 @@ def radius(step: np.ndarray) -> float:
     return float(np.abs(values[np.abs(values - 1) > STANDING]).max())
 
 
+def random_springs(rng: np.random.Generator) -> tuple[Loop, Scene]:
+    """Return a loop behind several springs, at times sensed at the handle."""
+    parts = [part for part in ("at handle", "difference", "actuator", "low-pass") if rng.random() < 0.5]
+    loop, _ = random_loop(rng)
+    loop = replace(loop, device=built(rng, "springs", *parts))
+    operator = replace(HAND, mass=loop.hand[0], damping=loop.hand[1], stiffness=loop.hand[2])
+    rendered, laws = Environment(*loop.world, 0.0, False, "trapezoid"), (Gains(*loop.gains), Coupling(*loop.coupling))
+    return loop, designed_scene(device_of(loop.device), *laws, experiment(rendered, operator))
+
+
+@pytest.mark.parametrize("made", [random_loop, random_springs])
 @pytest.mark.parametrize("seed", mostly_slow(range(60), range(12)))
-def test_loop_grows_as_the_oracle_says(seed):
-    loop, scene = random_loop(np.random.default_rng(seed))
+def test_loop_grows_as_the_oracle_says(seed, made):
+    loop, scene = made(np.random.default_rng(seed))
     expected = radius(matrix(loop))
     assert fastest_mode(scene).radius == pytest.approx(expected, abs=1e-9 * max(1.0, expected))
 
@@ -207,7 +222,7 @@ def test_a_run_starts_in_equilibrium(device, friction):
         np.asarray(made) for made in step.chunk()(step.start, np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL)))
     )
     compliance = 1 / 1000 + 1 / 200 + 1 / GAINS.position
-    if device.structure is not None:
+    if device.structure is not None and not device.at_handle:  # what the handle is held by does not give
         compliance += 1 / stiffness_of(device)
     assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / compliance)
     assert np.abs(states - step.start[:, None]).max() < 1e-10

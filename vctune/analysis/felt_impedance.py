@@ -54,10 +54,11 @@ def impedance_felt(
 
 
 class _Mechanism(NamedTuple):
-    """The responses of handle to hand, and of handle to motor or motor to hand, without a loop, m/(N s)."""
+    """The responses of handle to hand, of handle to motor, and of what is sensed to hand, without a loop, m/(N s)."""
 
     hand: Complex
     across: Complex
+    sensed: Complex
 
 
 def _mechanism(at: DeviceResponse, s: Complex) -> _Mechanism:
@@ -67,7 +68,7 @@ def _mechanism(at: DeviceResponse, s: Complex) -> _Mechanism:
         handle = spring.mass * s + (0.0 if spring.damping is None else spring.damping)
         v = v + (-s * s * spring.y_c + s * spring.y_k) * F
         F = F + handle * v
-    return _Mechanism(v / F, 1 / F)
+    return _Mechanism(v / F, 1 / F, v / F if at.at_handle else 1 / F)
 
 
 def _forward(
@@ -80,7 +81,7 @@ def _forward(
     ahead = T * z / (z - 1) if device.summed else T / (2j * np.tan(theta / 2))
     wanted = _sensed(at, s) / (_offered(coupling, device, theta) + beyond)
     asked = (gains.velocity + gains.position * ahead) * wanted if gains.closed else 0.0
-    moved = (gains.velocity * _estimated(at, s) + gains.position / s) * P.across
+    moved = (gains.velocity * _estimated(at, s) + gains.position / s) * P.sensed
     return np.asarray((asked - moved) / (1 + L / opened))
 
 
@@ -99,7 +100,7 @@ def _inverse(
         share = compliance / (compliance + 1 / beyond)
         damping, stiffness = damping + coupling.damping * share, coupling.stiffness * share
     L = damping * _complex(loop.velocity, theta) + stiffness * _complex(loop.position, theta)
-    return np.asarray(-(damping * _estimated(at, s) + stiffness / s) * P.across / (1 + L / opened))
+    return np.asarray(-(damping * _estimated(at, s) + stiffness / s) * P.sensed / (1 + L / opened))
 
 
 def _let_go(device: Device, theta: Floats) -> tuple[Any, Complex]:

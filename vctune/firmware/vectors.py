@@ -98,12 +98,13 @@ def _replay(replays: Firmware, experiment: Experiment, progress: Callable[[str],
     scene = designed_scene(replays.device, replays.gains, replays.coupling, experiment)
     traces = run(scene, lambda share: progress(f"{experiment.name} {share:.0%}"))
     begin = equilibrium(scene)
-    position = traces.position if traces.motor_position is None else traces.motor_position
-    velocity = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
+    on_motor = not replays.device.at_handle
+    position = traces.motor_position if on_motor and traces.motor_position is not None else traces.position
+    velocity = traces.motor_velocity if on_motor and traces.motor_velocity is not None else traces.velocity
     c = controller_of(scene.law)
     read = [encoded(c, float(sample), FLOATS) for sample in position]
     measured = np.column_stack([read, velocity, traces.sensed])
-    position = encoded(c, begin.position, FLOATS)
+    position = encoded(c, begin.sensed(replays.device), FLOATS)
     return Replay(experiment, position, begin.reference, begin.hand, measured, traces.motor)
 
 

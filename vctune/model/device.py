@@ -180,6 +180,11 @@ class Device:
         return tuple(each for each in (self.structure, self.structure_2, self.structure_3) if each is not None)
 
     @property
+    def at_handle(self) -> bool:
+        """Whether the firmware reads position and velocity of the handle, behind the springs, not of the motor."""
+        return self.velocity is not None and self.velocity.at == "handle"
+
+    @property
     def motor_mass(self) -> Number:
         """The mass that the motor drives directly, kg. A rigid device has its whole mass there."""
         mass = self.mass

@@ -35,6 +35,7 @@ class Chain(NamedTuple):
     damping: Number  # of the motor, N s/m
     links: tuple[Link, ...] = ()
     held: Number | None = None  # damping of the handle's load, N s/m; None without a load
+    sensed: str = MOTOR  # name of the velocity whose position is a state, and which the firmware reads
 
     @property
     def bends(self) -> tuple[str, ...]:
@@ -49,9 +50,9 @@ class Chain(NamedTuple):
 
     @property
     def states(self) -> list[str]:
-        """The names of the states: position and velocity of the motor, then bend and velocity of each link."""
-        pairs = zip(self.bends, self.velocities[1:], strict=True)
-        return [POSITION, MOTOR, *(name for pair in pairs for name in pair)]
+        """The names of the states: the sensed position and its velocity, then each bend with a velocity."""
+        others = (name for name in self.velocities if name != self.sensed)
+        return [POSITION, self.sensed, *(name for pair in zip(self.bends, others, strict=True) for name in pair)]
 
     @property
     def masses(self) -> dict[str, Number]:
@@ -61,7 +62,7 @@ class Chain(NamedTuple):
     @property
     def place(self) -> Combination:
         """The handle's position."""
-        return dict.fromkeys((POSITION, *self.bends), 1)
+        return dict.fromkeys((POSITION, *(self.bends if self.sensed == MOTOR else ())), 1)
 
     @property
     def give(self) -> Number:
@@ -76,13 +77,14 @@ class Chain(NamedTuple):
             for m, k, c, swing2, decay in self.links
         )
         held = None if self.held is None else self.held * damping
-        return Chain(self.motor / mass if links else 1, self.damping * damping, links, held)
+        return Chain(self.motor / mass if links else 1, self.damping * damping, links, held, self.sensed)
 
 
 def chain(device: Device, ops: Arithmetic) -> Chain:
     """Return the masses and springs of a device."""
     load = None if device.structure is None else device.structure.load
-    return linked(device.mass, device.damping, device.modes, load, ops)
+    of = linked(device.mass, device.damping, device.modes, load, ops)
+    return of._replace(sensed=HANDLE) if device.at_handle else of
 
 
 def linked(
@@ -125,7 +127,7 @@ def forces(of: Chain) -> Rates:
 
 def motion(of: Chain, one: Number) -> Rates:
     """Return the rates of positions and bends; `one` is 1 in the arithmetic of the chain."""
-    found: Rates = {POSITION: {MOTOR: one}}
+    found: Rates = {POSITION: {of.sensed: one}}
     for bend, ahead, behind in zip(of.bends, of.velocities, of.velocities[1:], strict=False):
         found[bend] = {ahead: -one, behind: one}
     return found

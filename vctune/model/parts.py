@@ -84,6 +84,14 @@ class VelocityEstimate:
     ] = None
     sections: Annotated[Sections | None, Key(SECTIONS.format("velocity"))] = None
 
+    at: Annotated[
+        Literal["motor", "handle"],
+        Key(
+            "Where the sensor of position and velocity sits: on the motor, or at the handle behind the springs of "
+            "[[device.structure]], which is proved in the hands of [operator]."
+        ),
+    ] = "motor"
+
     def __post_init__(self) -> None:
         _as_rows(self)
 

@@ -40,8 +40,9 @@ class Step:
 def build(scene: Scene) -> Step:
     """Assemble and compile the step of a scene."""
     moving, begin = plant(scene.device, scene.operator), equilibrium(scene)
-    c = controller_of(replace(scene.law, own_zero=begin.position))
-    rest = at_rest(c, encoded(c, begin.position, FLOATS), begin.reference, begin.hand)
+    sensed = begin.sensed(scene.device)
+    c = controller_of(replace(scene.law, own_zero=sensed))
+    rest = at_rest(c, encoded(c, sensed, FLOATS), begin.reference, begin.hand)
     start = begun(scene, moving, rest, begin)
     now = {name: [ca.SX.sym(f"{name}_{k}") for k in range(len(numbers))] for name, numbers in start.items()}
     inputs = ca.SX.sym("inputs", len(INPUT_NAMES))

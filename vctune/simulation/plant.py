@@ -48,7 +48,8 @@ def plant(device: Device, hand: MovingHand) -> Plant:
     """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo."""
     servo, sensor, T = device.servo, device.sensing, device.sample_time
     if servo is None:
-        states = [*chain(device, FLOATS).states, *drive_states(device)]
+        of = chain(device, FLOATS)._replace(sensed=MOTOR)  # friction acts on the motor
+        states = [*of.states, *drive_states(device)]
     else:
         states = ["position", "velocity", "velocity_rate"][: 1 + servo.order]
     states += ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
@@ -57,7 +58,6 @@ def plant(device: Device, hand: MovingHand) -> Plant:
     rates = {"position": row_of["velocity"], **{name: row_of[rate] for name, rate in pairwise(GIVEN[2:])}}
     units = {"position": 1.0, "velocity": 1 / T, "velocity_rate": 1 / T}
     if servo is None:
-        of = chain(device, FLOATS)
         position, velocity, force = _pushed(device, of, hand, row_of, rates)
         force_unit = device.mass / T**2
         units |= dict.fromkeys(of.velocities, 1 / T) | _bend_units(of, hand, T)

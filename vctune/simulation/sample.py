@@ -123,12 +123,15 @@ def sampled(
     z: Number = now["bristles"][0] if now["bristles"] else 0.0
     values = [*body, held, rubbing(body[1], z), *push]
     sensed = now["between"][0] if now["between"] else row_times(moving.sensed, values)
+    # rows of the handle; the first two states are of the motor
+    place = row_times(moving.position, values), row_times(moving.velocity, values)
+    seen = place if scene.device.at_handle else (body[0], body[1])
     read = in_steps(scene.force_resolution, (now["unread"] or [sensed])[-1] + noise, ops)
     after = {"unread": [sensed, *now["unread"]][: when.unread]}
-    memory, command = control(c, _like(form, now["memory"]), Measurement(body[0], body[1], read), ops)
+    memory, command = control(c, _like(form, now["memory"]), Measurement(*seen, read), ops)
     after["memory"], commands = _listed(memory), [command.given, *now["commands"]]
     after["commands"] = commands[:-1]
-    record = [row_times(row, values) for row in (moving.position, moving.velocity, moving.force)]
+    record = [*place, row_times(moving.force, values)]
     record += [memory.reference, memory.desired, command.environment, command.given, read, *body[:2]]
     moved, z, between = move([*body, held, 0.0, *push], z, _acting(scene, commands)[-2:])
     after |= {"body": moved[: len(moving.states)], "bristles": [z] * len(now["bristles"]), "between": between}

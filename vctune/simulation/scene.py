@@ -39,6 +39,10 @@ class Equilibrium:
     motor: float  # command of the motor, N, or of a servo, m/s or m
     hand: float  # force of the hand, N
 
+    def sensed(self, device: Device) -> float:
+        """Return the position that the firmware reads."""
+        return self.position + self.bend if device.at_handle else self.position
+
 
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion. All springs from hand to environment are in series."""
@@ -57,7 +61,7 @@ def _at_rest(scene: Scene) -> Equilibrium:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
     compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / holding_stiffness if holding_stiffness > 0 else 0.0)
     give = float(chain(scene.device, FLOATS).give) if holding_stiffness > 0 else 0.0
-    compliance += give
+    compliance += 0.0 if scene.device.at_handle else give  # what holds the handle itself does not give
     force = (begin - rendered.zero) / compliance
     if rendered.wall and force < 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)

@@ -121,7 +121,8 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return the contradictions in the valid parts of a problem's tables."""
     file = Stated(raw)
     rules = (
-        _ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _law, _rest, _names, _rotary_hands
+        _ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _in_hands_alone, _law, _rest,
+        _names, _rotary_hands,
     )  # fmt: skip
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
     for index, table in enumerate(file.tables("experiment")):
@@ -333,12 +334,23 @@ def _springs(file: Stated) -> Found:
             yield f"device.{key}", "needs frequency_hz, or the stiffness of the spring"
         elif len(stated) > 1:
             yield f"device.{key}.stiffness", "states the spring of frequency_hz again; leave one of them out"
-    if "structure_2" in device and file.impedance and file.value("stability.criterion") != "hands":
-        yield (
-            "device.structure_2",
-            "any passive hand is proved of an impedance display with one spring at most; state the hands in [operator] "
-            'and write stability.criterion = "hands"',
-        )
+    if file.value("device.velocity.at") == "handle" and "structure" not in device:
+        yield "device.velocity.at", '"handle" is behind a spring; write [device.structure], or leave it out'
+
+
+def _in_hands_alone(file: Stated) -> Found:
+    """Yield what is proved in hands alone: a sensor at the handle, and several springs of an impedance display."""
+    sensed, springs = file.value("device.velocity.at") == "handle", "structure_2" in file.table("device")
+    if sensed and "resolution" in file.table("device.velocity"):
+        yield "device.velocity.resolution", "is of an encoder on the motor; leave it out"
+    criterion, met = file.value("stability.criterion"), file.value("environment") is not None and not file.impedance
+    if criterion == "hands" or (criterion is None and met):
+        return
+    remedy = 'state the hands in [operator] and write stability.criterion = "hands"'
+    if sensed:
+        yield "device.velocity.at", f'"handle" is not proved in any passive hand; {remedy}, or leave it out'
+    if springs and file.impedance:
+        yield "device.structure_2", f"of an impedance display it is not proved in any passive hand; {remedy}"
 
 
 def _masses(file: Stated) -> Found:

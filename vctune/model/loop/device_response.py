@@ -50,6 +50,7 @@ class DeviceResponse(NamedTuple):
     springs: tuple[Spring, ...] = ()  # springs from the motor to the handle
     operator: Number | None = None  # b_h, the damping of the least operator, N s/m; None without an operator
     factor: Pair | None = None  # x = 1 + delta, factor of the mechanism's response; None for 1
+    at_handle: bool = False  # whether the handle is sensed, not the motor
     follows: bool = False  # whether the motion follows the command alone, as a servo's does
 
 
@@ -92,7 +93,9 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         radius = device.unmodelled.share * ops.interpolated(omega / (2 * ops.pi), device.unmodelled.radii)
         phase = device.unmodelled.phase
         factor = Pair(1 + radius * ops.cos(phase), radius * ops.sin(phase))
-    return DeviceResponse(omega, of.motor, device.damping, drive, estimate, sensor, springs, operator, factor)
+    return DeviceResponse(
+        omega, of.motor, device.damping, drive, estimate, sensor, springs, operator, factor, device.at_handle
+    )
 
 
 def _spring(link: Link, held: Number | None, omega: Number) -> Spring:

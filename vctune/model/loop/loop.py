@@ -118,7 +118,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
 
     if at.follows:
         resistance = 0 * omega
-    elif at.factor is not None:
+    elif at.factor is not None or at.at_handle:
         resistance = re(D) if rigid else re_conj(N, D)
     else:  # Re W + Re y |W|^2 + Re Z_h |N|^2, of which no two terms cancel
         W = known.motor.closed(gains) or nothing
@@ -178,11 +178,14 @@ def _constants(at: DeviceResponse, *, scaled: bool, position: bool) -> LoopConst
         masses = masses_behind(at)
         handle, base = masses[-1], number(at.damping, at.mass)
         carried = [each.held + base * each.kept.plus(1) for each in masses]  # the forces by the masses alone
-        D = told.times(handle.kept.plus(1)).plus(raised(carried[-1]))
-        N = told.times(handle.bent if scaled else raised_once(handle.bent))
-        N = N.plus(handle.moved + raised_once(handle.bent) * base)
-        lag = _sum(handle.kept * told.velocity, lost.velocity)
-        miss = Affine(raised(carried[-1]), lag, integrated and handle.kept * integrated)
+        alone = handle.moved + raised_once(handle.bent) * base
+        if at.at_handle:  # v_h D_0 = N f_h + u without a loop, for the chain is reciprocal
+            D, N, miss = told.plus(raised(carried[-1])), Affine(alone), lost.plus(raised(carried[-1]))
+        else:
+            D = told.times(handle.kept.plus(1)).plus(raised(carried[-1]))
+            N = told.times(handle.bent if scaled else raised_once(handle.bent)).plus(alone)
+            lag = _sum(handle.kept * told.velocity, lost.velocity)
+            miss = Affine(raised(carried[-1]), lag, integrated and handle.kept * integrated)
         further = tuple(
             told.times(each.kept.plus(1)).plus(raised(force)) for each, force in zip(masses[:-1], carried, strict=False)
         )
@@ -239,6 +242,8 @@ def _lossless_miss(at: DeviceResponse) -> Affine:
         moved, bent = moved + y_u * held.scaled(-square), bent + y_u * carried.scaled(-square).plus(1)
         held, carried = held + moved.scaled(spring.mass), carried + bent.scaled(spring.mass)
     whole = held + carried.scaled(-square).plus(1).scaled(at.mass)
+    if at.at_handle:
+        return Affine(whole, late)
     return Affine(whole, _sum(raised_once(carried) * AH * F, late), carried * AH)
 
 

@@ -44,8 +44,8 @@ class ReturnDifference:
 class PlantLetGo:
     """A device without a hand over one sample."""
 
-    plant: PlantInHand  # its first state is the motor's position, its second the velocity of the centre of mass
-    motor: tuple[tuple[int, Number], ...] = ()  # further states that move the motor, each with its share
+    plant: PlantInHand  # its first state is the sensed position, its second the velocity of the centre of mass
+    sensed: tuple[tuple[int, Number], ...] = ()  # further states in the sensed velocity, each with its share
 
     @property
     def states(self) -> int:
@@ -59,8 +59,8 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
     if device.structure is None:
         parts = mechanism_in_hand(device, Hand(0, 0, 0), ops)
         return PlantLetGo(over_sample(parts, device, delays, ops, let_go=True))
-    parts, mass, motor = _about_centre_of_mass(device, device.structure, ops)
-    return PlantLetGo(over_sample(parts, replace(device, mass=mass), delays, ops, let_go=True), motor)
+    parts, mass, sensed = _about_centre_of_mass(device, device.structure, ops)
+    return PlantLetGo(over_sample(parts, replace(device, mass=mass), delays, ops, let_go=True), sensed)
 
 
 class Flexible(NamedTuple):
@@ -68,7 +68,7 @@ class Flexible(NamedTuple):
 
     parts: MechanismInHand
     mass: Number  # mass with the load of the handle
-    motor: tuple[tuple[int, Number], ...]
+    sensed: tuple[tuple[int, Number], ...]
 
 
 def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic) -> Flexible:
@@ -88,7 +88,8 @@ def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic)
     motor: Combination = {MOTOR: 1} | {rate: -share for rate, share in zip(rates, behind, strict=True)}
     handle: Combination = {MOTOR: 1} | {rate: 1 - share for rate, share in zip(rates, behind, strict=True)}
     pulls = [{bends[k]: link.stiffness, rates[k]: link.viscosity} for k, link in enumerate(links)]
-    rows: Rates = {POSITION: motor | {MOTOR: one}, MOTOR: combined((motor, -of.damping), (handle, -held))}
+    sensed = motor if of.sensed == MOTOR else handle
+    rows: Rates = {POSITION: sensed | {MOTOR: one}, MOTOR: combined((motor, -of.damping), (handle, -held))}
     for k, rate in enumerate(rates):
         rows[bends[k]] = {rate: one}
         ahead = (pulls[k - 1], 1 / shares[k]) if k > 0 else (motor, of.damping / shares[0])
@@ -100,7 +101,7 @@ def _about_centre_of_mass(device: Device, structure: Structure, ops: Arithmetic)
     rows[MOTOR] |= pushed(force, one)
     rows[rates[0]] |= pushed(force, -1 / shares[0])
     names = list(rows)
-    return Flexible(MechanismInHand.of(rows), mass, tuple((names.index(rate), motor[rate]) for rate in rates))
+    return Flexible(MechanismInHand.of(rows), mass, tuple((names.index(rate), sensed[rate]) for rate in rates))
 
 
 def _relative(device: Device, structure: Structure, of: Chain, k: int) -> Combination:
@@ -132,10 +133,10 @@ def return_difference(of: PlantLetGo, theta: Number, ops: Arithmetic, *, positio
     solved = {state: pair(found.even, found.odd) for state, found in numerators(rows, ops).items()}
     delayed, back = at.late(plant.delays.loop, pair), pair(at.cos, -1)
     open_loop, travel = solved[len(plant.push)], solved[0] * delayed * back
-    motor = solved[1]
-    for state, share in of.motor:
-        motor = motor + solved[state].scaled(share)
-    velocity = travel if plant.difference else motor * delayed
+    sensed = solved[1]
+    for state, share in of.sensed:
+        sensed = sensed + solved[state].scaled(share)
+    velocity = travel if plant.difference else sensed * delayed
     for section in plant.filters:
         once = pair(*section.below(at.cos, at.square))
         velocity = velocity * pair(*section.above(at.cos, at.square))
