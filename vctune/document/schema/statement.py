@@ -74,6 +74,8 @@ def device_table(device: Device) -> dict[str, Any]:
             for number in part.numbers:
                 if number.order_key and number.name not in table[key]:
                     del table[key][number.order_key]  # the low-pass does not exist
+    if table.get("velocity", {}).get("at") == "motor":
+        del table["velocity"]["at"]
     return table
 
 

@@ -17,6 +17,7 @@ from pydantic_core import to_jsonable_python
 from vctune.document.records.part import Document
 from vctune.document.schema.validation import MAX_MISTAKES, dotted, untagged
 from vctune.document.text.errors import InputError, Mistake
+from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
 
@@ -132,23 +133,31 @@ def problem_digest(problem: Problem) -> str:
         _drop_defaults(stated["uncertainty"], problem.uncertainty, kept=("unmodelled",))
     if not problem.rigid:
         del stated["rigid"]
-    if problem.device.rule == "trapezoid":
-        del stated["device"]["rule"]
-    if not problem.device.summed:
-        del stated["device"]["summed"]
-    (stated["device"]["servo"] or {}).pop("max_acceleration", None)  # no design depends on it
-    if problem.device.friction is None:
-        del stated["device"]["friction"]
-    sensor, velocity = (stated["device"][part] or {} for part in ("force_sensor", "velocity"))
-    sensor.pop("resolution", None)  # no design depends on it
+    _drop_from_device(stated["device"], problem.device)
+    return digest(stated)
+
+
+def _drop_from_device(stated: dict[str, Any], device: Device) -> None:
+    """Delete what no design depends on, and the keys at their defaults that an earlier version did not have."""
+    _drop_defaults(stated, device, kept=[each.name for each in fields(device) if each.name not in ADDED_KEYS])
+    for key in ("structure", "structure_2", "structure_3"):
+        if (spring := getattr(device, key)) is not None and spring.stiffness is None:
+            del stated[key]["stiffness"]
+    (stated["servo"] or {}).pop("max_acceleration", None)
+    sensor, velocity = (stated[part] or {} for part in ("force_sensor", "velocity"))
+    sensor.pop("resolution", None)
     if resolution := velocity.pop("resolution", None):
-        stated["device"]["resolution"] = resolution
+        stated["resolution"] = resolution
     if velocity and velocity["source"] is None:
         velocity["source"] = "measured"
     for part, key in ((velocity, "filter_coefficient"), (velocity, "sections"), (sensor, "sections")):
         if part and part[key] is None:
             del part[key]
-    return digest(stated)
+    if velocity and not device.at_handle:
+        del velocity["at"]
+
+
+ADDED_KEYS = ("rule", "summed", "friction", "structure_2", "structure_3")  # of a device, which the first files lacked
 
 
 def _drop_defaults(stated: dict[str, Any], table: Any, kept: Sequence[str]) -> None:
