@@ -11,6 +11,7 @@ from command import run, started
 from conftest import DEVICE, FIXED, for_passive_hands
 from test_formats import workflow_commands
 
+import vctune
 from vctune.exit_codes import ExitCode
 
 ARM = (
@@ -126,3 +127,19 @@ def test_an_impedance_display_without_a_velocity_loop_shows_none(tmp_path):
     assert "velocity loop" not in run("solve", "knob.toml", cwd=tmp_path).stdout
     (tmp_path / "knob.toml").write_text(text + "[gains]\nvelocity = 0.1\n")
     assert "velocity loop" in (out := run("solve", "knob.toml", cwd=tmp_path).stdout) and "none" not in out
+
+
+@pytest.mark.parametrize("criterion", ["hands", "passive"])
+def test_gains_of_a_loop_beside_a_wall_are_refused_in_their_line(tmp_path, criterion):
+    """With them the wall has a damping that no proof of its multiples has seen."""
+    wall = DEVICE + 'display = "impedance"\n[environment]\nstiffness = inf\n'
+    (tmp_path / "wall.toml").write_text(wall + f'[stability]\ncriterion = "{criterion}"\n')
+    (tmp_path / "fast.toml").write_text("[gains]\nvelocity = 700.0\n[coupling]\nstiffness = 500.0\ndamping = 0.2\n")
+    for more in ([], ["--json"]):
+        done = run("check", "wall.toml", "fast.toml", *more, cwd=tmp_path)
+        assert done.returncode == ExitCode.BAD_INPUT and "fast.toml" in done.stdout, done
+        assert "adds to coupling.damping, which is the damping of the wall" in done.stdout
+    assert "fast.toml:2: gains.velocity" in run("export", "wall.toml", "fast.toml", cwd=tmp_path).stderr
+    problem = vctune.problem(tmp_path / "wall.toml").problem
+    with pytest.raises(vctune.InputError, match=r"gains\.velocity"):
+        vctune.judge(problem, vctune.Gains(700.0, 0.0), vctune.SpringDamper(0.2, 500.0))

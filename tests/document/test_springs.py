@@ -33,6 +33,7 @@ def test_a_list_is_a_table_for_each(tmp_path):
         (ONE + TWO.replace("0.08", "-0.08"), 10, "too small"),
         (ONE + 3 * TWO, 15, "at most 3 are modelled"),
         (ONE.replace("[[device.structure]]", "[device.structure_2]"), 5, "behind device.structure, which is not there"),
+        (ONE + TWO.replace("[[device.structure]]", "[device.structure_2]"), 9, "write a list, or a table for each"),
         (ONE + TWO + '[uncertainty]\n"structure_2.frequency_hz" = 0.1\n', 13, "no device.structure_2.frequency_hz"),
     ],
 )
@@ -66,3 +67,11 @@ def test_any_passive_hand_of_a_display_has_one_spring(tmp_path):
     with pytest.raises(vctune.InputError, match='criterion = "hands"'):
         posed(tmp_path, dual + ONE + TWO)
     assert posed(tmp_path, dual + ONE + TWO + '[stability]\ncriterion = "hands"\n').problem.hands_met is not None
+
+
+def test_a_handle_that_doubles_hardly_hold_is_answered(tmp_path):
+    path = tmp_path / "tiny.toml"
+    path.write_text(HEAD + ONE.replace("0.1", "1e-30") + "[stability]\ncriterion = 'hands'\n")
+    problem = vctune.problem(path).problem
+    judged = vctune.judge(problem, vctune.Gains(5.0, 0.0), vctune.Coupling(17.0, 0.15, 3.0))
+    assert judged.status.value in ("certified", "undecided", "violated")

@@ -19,7 +19,7 @@ from vctune.document.schema.problem_schema import (
     SpringGainsDocument,
     SteppedTable,
 )
-from vctune.document.schema.rules import BEYOND_REST, contradictions
+from vctune.document.schema.rules import ADDS_TO_WALL, BEYOND_REST, contradictions
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
@@ -222,6 +222,9 @@ def problem_of_gains(file: ProblemFile, given: GainsFile) -> ProblemFile:
         file = replace(problem_file(toml.toml_text(tables), Path(file.source)), source=file.source)
     if file.problem.device.rule == "euler":
         _require_step(given, file.problem.device.sample_time)
+    if file.problem.rigid and given.gains.velocity != 0:
+        line = lines.locate(("gains", "velocity"))
+        raise InputError.of(given.source, "contradiction", ADDS_TO_WALL, key="gains.velocity", line=line)
     return file
 
 

@@ -27,6 +27,8 @@ from vctune.analysis.responses import Loop
 from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
+from vctune.document.schema.rules import ADDS_TO_WALL
+from vctune.document.text.errors import InputError
 from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -262,7 +264,14 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
     -------
     Judgement
         Error, least Re Z_c / R, greatest ``|S|`` and the certificate.
+
+    Raises
+    ------
+    InputError
+        If K_v stands beside a wall, whose damping is the coupling's.
     """
+    if problem.rigid and gains.velocity != 0:
+        raise InputError.of("design", "contradiction", ADDS_TO_WALL, key="gains.velocity")
     return judge_posed(pose(problem), gains, coupling)
 
 

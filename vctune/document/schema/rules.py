@@ -76,6 +76,7 @@ class Stated:
         return low, high
 
 
+ADDS_TO_WALL = "adds to coupling.damping, which is the damping of the wall; leave it out"
 _UNMOVED = "the hand does not move it: its motion follows the command alone"
 _PARALLEL = "its coupling is coupling.damping beside coupling.stiffness"
 # Keys without a meaning for a kind of display, each with the reason
@@ -258,7 +259,7 @@ def _rigid_world(file: Stated) -> Found:
     for key in (key for key in stated if key != "stiffness"):
         yield ("environment", key), "means nothing beside stiffness = inf: nothing moves behind a wall; leave it out"
     if file.value("gains.velocity") not in (None, 0):
-        yield "gains.velocity", "adds to coupling.damping, which is the damping of the wall; leave it out"
+        yield "gains.velocity", ADDS_TO_WALL
 
 
 def _long_delays(file: Stated) -> Found:
@@ -322,7 +323,9 @@ STRUCTURES = ("structure", "structure_2", "structure_3")
 
 def _springs(file: Stated) -> Found:
     """Yield springs without a stiffness or with two, springs that follow none, and more than the model has."""
-    device = file.table("device")
+    device: dict[str, Any] = {} if file.servo else file.table("device")
+    if isinstance(device.get("structure"), list) and "structure_2" in device:
+        yield "device.structure_2", "is the second [[device.structure]] too; write a list, or a table for each"
     for before, key in pairwise((*STRUCTURES, "structure_4")):
         if key in device and key not in STRUCTURES:
             yield f"device.{key}", f"is one spring too many; at most {len(STRUCTURES)} are modelled"
@@ -330,7 +333,7 @@ def _springs(file: Stated) -> Found:
             yield f"device.{key}", f"is behind device.{before}, which is not there"
     for key in STRUCTURES:
         stated = [name for name in ("frequency_hz", "stiffness") if name in file.table(f"device.{key}")]
-        if key in device and not stated:
+        if isinstance(device.get(key), dict) and not stated:
             yield f"device.{key}", "needs frequency_hz, or the stiffness of the spring"
         elif len(stated) > 1:
             yield f"device.{key}.stiffness", "states the spring of frequency_hz again; leave one of them out"

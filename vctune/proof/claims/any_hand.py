@@ -74,6 +74,8 @@ def _prove_any_hand(question: Question) -> Outcome:
 
 def _prove_wall(question: Question, _known: Outcomes) -> Outcome:
     """Prove the coupling as a wall in any passive hand."""
+    if question.design.gains.closed:  # K_v would damp beside the wall, whatever its share
+        return Outcome(Verdict.UNDECIDED, 0)
     rows: Ends = {}
     if question.design.device.structure is not None:  # else a weaker wall is stable if this one is
         rows[COUPLING_SHARE] = np.zeros(1), np.ones(1)

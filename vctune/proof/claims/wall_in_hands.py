@@ -26,6 +26,8 @@ from vctune.proof.outcome import Outcome, Verdict
 def _prove(question: Question, _known: Outcomes) -> Outcome:
     """Prove the coupling as a wall in every hand of a box: no pole reaches the unit circle from within."""
     design, demands, box = question.design, question.demands, question.box
+    if design.gains.closed:  # K_v would damp beside the wall, whatever its share
+        return Outcome(Verdict.UNDECIDED, 0)
     uncertain = uncertain_in(box)
     for device, hand, (theta, _) in question.suspects(design, demands, devices_of(question)):
         if _unstable(replace(design, device=device), demands, hand):
