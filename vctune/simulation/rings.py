@@ -130,8 +130,8 @@ def _reach(axis: list[float], value: float) -> float:
 def least_damped(matrices: Floats, sample_time: float) -> tuple[Floats, Floats]:
     """Return the damping ratio of the least damped oscillation of each matrix, and its s; inf where nothing
     oscillates."""
-    known = np.isfinite(matrices).all(axis=(1, 2))  # doubles hold no step of some extreme devices
-    z = np.linalg.eigvals(np.where(known[:, None, None], matrices, 0.0)).astype(complex)
+    known = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)  # doubles hold no step of some extreme devices
+    z = np.linalg.eigvals(np.where(known, matrices, 0.0)).astype(complex)
     with np.errstate(all="ignore"):
         s = np.log(z) / sample_time
         ratio = -s.real / np.abs(s)
