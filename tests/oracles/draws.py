@@ -62,9 +62,9 @@ def sections(rng: Rng) -> list[list[float]]:
     return [[float(x) for x in row] for row in found]
 
 
-def springs(rng: Rng, mass: float, T: float) -> Tables:
+def springs(rng: Rng, mass: float, T: float, most: int = 3) -> Tables:
     """Return two or three springs, the last one by its stiffness."""
-    shares = rng.dirichlet(np.ones(int(rng.integers(3, 5))) * 2)[1:]
+    shares = rng.dirichlet(np.ones(int(rng.integers(3, most + 2))) * 2)[1:]
     found = {}
     for table, share in zip(STRUCTURES, shares, strict=False):
         one = {"handle_mass": decimal(mass * max(share, 0.02)), "frequency_hz": decimal(decades(rng, -1.5, -0.6) / T)}
@@ -107,8 +107,8 @@ def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
                 "frequency_hz": decimal(decades(rng, -1.5, -0.5) / T),
                 "damping_ratio": decades(rng, -2, -0.7),
             }
-        elif part == "springs":
-            device |= springs(rng, mass, T)
+        elif part in ("springs", "two springs"):
+            device |= springs(rng, mass, T, 3 if part == "springs" else 2)
         elif part == "low-pass":
             sensor |= {"bandwidth_hz": decimal(decades(rng, -1.3, 0) / T), "order": int(rng.integers(1, 3))}
         elif part == "late sensor":

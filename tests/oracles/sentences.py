@@ -640,7 +640,7 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "springs": lambda rng: own_loop(rng, "springs"),
     "springs, low-passes": lambda rng: own_loop(rng, "springs", "difference", "filter", "low-pass"),
     "springs, box of environments": lambda rng: own_loop(rng, "springs", "actuator", number="drag", world="box"),
-    "springs, uncertain": lambda rng: own_loop(rng, "springs", "part of a sample", uncertain=1),
+    "springs, uncertain": lambda rng: own_loop(rng, "two springs", "part of a sample", uncertain=1),
     "handle sensed": lambda rng: own_loop(rng, "structure", "at handle", integrator=0.0),
     "handle sensed, springs": lambda rng: own_loop(rng, "springs", "at handle", "difference", "actuator"),
     "display, handle sensed": lambda rng: display(rng, "structure", "at handle"),
