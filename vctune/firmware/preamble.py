@@ -136,4 +136,5 @@ def _mechanics(device: Device, units: Units) -> str:
 
 
 def _numbers(part: Any) -> str:
-    return ", ".join(f"{name} {number}" for name, number in asdict(part).items() if number is not None)
+    stated = ((name, number) for name, number in asdict(part).items() if number not in (None, "motor"))
+    return ", ".join(f"{name} {number}" for name, number in stated)
