@@ -75,3 +75,14 @@ def test_a_handle_that_doubles_hardly_hold_is_answered(tmp_path):
     problem = vctune.problem(path).problem
     judged = vctune.judge(problem, vctune.Gains(5.0, 0.0), vctune.Coupling(17.0, 0.15, 3.0))
     assert judged.status.value in ("certified", "undecided", "violated")
+
+
+def test_a_key_out_of_place_has_one_message(tmp_path):
+    """The one that mends it: quotes in [uncertainty], and of a servo that it has no such part."""
+    unquoted = HEAD + ONE + TWO + "[uncertainty]\nstructure_2.handle_mass = 0.1\n"
+    servo = "[device]\nsample_time = 1e-3\n[device.servo]\ndelay = 0.01\n[device.velocity]\nat = 'handle'\n"
+    for text, codes in ((unquoted, ["belongs in quotes"]), (servo + ONE, ["no gain of this file", "not modelled"])):
+        with pytest.raises(vctune.InputError) as error:
+            posed(tmp_path, text)
+        said = [fault.message for fault in error.value.mistakes]
+        assert len(said) == len(codes) and all(word in one for word, one in zip(codes, said, strict=True)), said

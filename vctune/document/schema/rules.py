@@ -337,12 +337,14 @@ def _springs(file: Stated) -> Found:
             yield f"device.{key}", "needs frequency_hz, or the stiffness of the spring"
         elif len(stated) > 1:
             yield f"device.{key}.stiffness", "states the spring of frequency_hz again; leave one of them out"
-    if file.value("device.velocity.at") == "handle" and "structure" not in device:
+    if file.value("device.velocity.at") == "handle" and not file.servo and "structure" not in device:
         yield "device.velocity.at", '"handle" is behind a spring; write [device.structure], or leave it out'
 
 
 def _in_hands_alone(file: Stated) -> Found:
     """Yield what is proved in hands alone: a sensor at the handle, and several springs of an impedance display."""
+    if file.servo:
+        return
     sensed, springs = file.value("device.velocity.at") == "handle", "structure_2" in file.table("device")
     if sensed and "resolution" in file.table("device.velocity"):
         yield "device.velocity.resolution", "is of an encoder on the motor; leave it out"

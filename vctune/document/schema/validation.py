@@ -66,7 +66,7 @@ def examined(
     try:
         return model.model_validate(raw), between
     except ValidationError as error:
-        explained = {fault.path for fault in between}
+        explained = {fault.path[:end] for fault in between for end in range(1, len(fault.path) + 1)}
         alone = [_fault(model, details) for details in error.errors(include_url=False)]
         return None, [fault for fault in alone if fault.code != "unknown-key" or fault.path not in explained] + between
 
