@@ -8,10 +8,9 @@ from contextlib import contextmanager
 import pytest
 
 from vctune.design.advice.prices import with_prices
-from vctune.design.design_record import design_record
+from vctune.design.records.design import design_of, design_record
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_json import design_of
 from vctune.report.page import write_report
 
 CHROMIUM = shutil.which("chromium")

@@ -14,7 +14,7 @@ from posed import POSED
 from schema_paths import leaves, paths
 
 import vctune
-from vctune.document.records.json_schemas import SCHEMAS
+from vctune.api.json_schemas import SCHEMAS
 
 TABLES = {
     "design": DESIGN, "region": REGION, "rows": ROWS, "simulation": SIMULATION, "identification": IDENTIFICATION,

@@ -13,7 +13,7 @@ from conftest import mostly_slow
 from posed import POSED
 
 import vctune
-from vctune.document.records.design_json import design_of
+from vctune.design.records.design import design_of
 from vctune.report.page import write_report
 
 KINDS = mostly_slow(POSED, ("hands", "servo", "display", "wall", "band", "servo, walls"))

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from vctune.api.sweeping import Swept as Swept
     from vctune.api.sweeping import sweep as sweep
     from vctune.design.check import Checked as Checked
-    from vctune.design.design_record import design_record as design_record
     from vctune.design.judging.judge import Judgement as Judgement
     from vctune.design.judging.judge import Status as Status
     from vctune.design.judging.judge import judge as judge
+    from vctune.design.records.design import design_record as design_record
     from vctune.design.result import Solved as Solved
     from vctune.document.building import Device as Device
     from vctune.document.building import ProblemSource as ProblemSource
@@ -107,7 +107,7 @@ _HOME = {
     "check": "api.checking",
     "check_region": "api.checking",
     "compare": "api.comparing",
-    "design_record": "design.design_record",
+    "design_record": "design.records.design",
     "draw_error": "report.panels",
     "draw_impedance": "report.panels",
     "draw_nyquist": "report.panels",

@@ -13,7 +13,7 @@ from command import run, strict, strike
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune import running
-from vctune.document.records.design_json import read_design
+from vctune.design.records.design import read_design
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 

@@ -12,10 +12,11 @@ from command import run
 from conftest import DEVICE, FIXED, for_passive_hands
 
 import vctune
-from vctune.design.felt_record import in_hand_record
 from vctune.design.judging.judge import judge
+from vctune.design.records.active import ActiveRecord
+from vctune.design.records.design import design_of
+from vctune.design.records.felt import in_hand_record
 from vctune.document.reading import parse_problem
-from vctune.document.records.design_json import ActiveRecord, design_of
 
 WALLS = "[environment]\nmass = { min = 0.05, max = 5.0 }\nstiffness = { max = 2000.0 }\nwalls = true\n"
 LAW = "[gains]\nvelocity = 115.0\nposition = {}\n[coupling]\ndamping = 40.0\nmass = 0.3\ndrag = 0.1\n"

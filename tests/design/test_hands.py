@@ -14,8 +14,8 @@ from loop import Loop, offered, seen, sensitivity
 
 from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.api.solving import solve
-from vctune.design.design_record import design_record
 from vctune.design.judging.judge import Status, judge
+from vctune.design.records.design import design_record
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.hands import Hands

@@ -21,10 +21,10 @@ from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.check import CheckVerdict
-from vctune.design.design_record import record_of
-from vctune.design.felt_record import in_hand_record
 from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
+from vctune.design.records.design import record_of
+from vctune.design.records.felt import in_hand_record
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError

@@ -12,8 +12,9 @@ from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune import solve
 from vctune.design.advice.prices import with_prices
-from vctune.design.design_record import active, record_of
 from vctune.design.judging.judge import Status
+from vctune.design.records.active import active
+from vctune.design.records.design import record_of
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.model.hands import Hands
 from vctune.model.parts import NUMBERS, PART_NUMBERS

@@ -23,8 +23,8 @@ from vctune.design import solve as solving
 from vctune.design.advice import repair as repairing
 from vctune.design.advice.parameter_changes import parameter_changes
 from vctune.design.advice.repair import find_repairs, with_repairs
-from vctune.design.design_record import design_record
 from vctune.design.judging.judge import Status
+from vctune.design.records.design import design_record
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem

@@ -14,8 +14,8 @@ from dense import error, spectral_radius
 
 from vctune.analysis.sampled_loop import spectral_radius as proved_radius
 from vctune.bench.evaluator import case_of, sensitivity, stability_ratio
-from vctune.design.design_record import warnings
 from vctune.design.judging.judge import Status, judge
+from vctune.design.records.warned import warnings
 from vctune.design.search import optimum as solving
 from vctune.design.solve import solve
 from vctune.design.variables import rounded

@@ -10,7 +10,7 @@ from command import run, strict
 from conftest import DEVICE
 
 import vctune
-from vctune.document.records.design_json import read_design
+from vctune.design.records.design import read_design
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 

@@ -14,9 +14,9 @@ from identification_logs import driven, encoded
 from jsonschema import Draft202012Validator
 
 from vctune import identify
+from vctune.api.json_schemas import SCHEMAS
 from vctune.document.log import read_log, read_log_map, read_logs
 from vctune.document.recording import Channel, Recording
-from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
 from vctune.identification.checks import remarks
 from vctune.model.device import Device

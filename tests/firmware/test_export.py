@@ -19,8 +19,8 @@ from kinds import admittance, servo
 from test_servos import CONTACT, WALKER, decades
 
 from vctune import InputError, export, write_export
+from vctune.design.records.claims import HandsRecord, WallsRecord
 from vctune.document.reading import parse_problem, read_gains, read_problem
-from vctune.document.records.certificate_json import HandsRecord, WallsRecord
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NO_ENVIRONMENT, certified, firmware, rounded

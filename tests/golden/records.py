@@ -19,10 +19,9 @@ from servo_logs import servo_case
 
 import vctune
 from vctune.design.advice.prices import with_prices
-from vctune.design.design_record import design_record
+from vctune.design.records.design import design_of, design_record
 from vctune.design.ros.admittance_check import check_parameters
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_json import design_of
 from vctune.document.ros import read_admittances
 from vctune.report.curves import requirements
 from vctune.report.design_figures import design_figures

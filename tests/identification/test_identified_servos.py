@@ -16,8 +16,8 @@ from jsonschema import Draft202012Validator
 from servo_logs import limited_case, moved, robot_case, servo_case
 
 from vctune import check, identify, problem, solve
+from vctune.api.json_schemas import SCHEMAS
 from vctune.design.check import CheckVerdict
-from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import ENDING, InputError
 
 SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}

@@ -12,8 +12,9 @@ from command import run
 from conftest import ROOT, mostly_slow
 
 from vctune import solve
-from vctune.design.design_record import claim_records, design_record
 from vctune.design.judging.judge import judge
+from vctune.design.records.claims import claim_records
+from vctune.design.records.design import design_record
 from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.errors import InputError

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.records.part import how_shown
-from vctune.document.records.rows_json import ROW_PARTS, RowRecord
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import json_schema
 from vctune.document.schema.validation import schema_of
@@ -21,6 +20,7 @@ from vctune.model.display import DISPLAYS
 from vctune.model.fields import MOST
 from vctune.model.numbers.units import LINEAR
 from vctune.proof.claims.registry import CLAIMS
+from vctune.study.row_record import ROW_PARTS, RowRecord
 
 Schema = dict[str, Any]
 ROOT = Path(__file__).parents[2]

@@ -15,9 +15,9 @@ from command import run, started, strict, wait_until
 from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
+from vctune.api.json_schemas import SCHEMAS
 from vctune.cli.commands.schema import KINDS
 from vctune.cli.main import COMMANDS, main
-from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
 from vctune.exit_codes import ExitCode

@@ -24,8 +24,8 @@ FLOORS = floors(
 )
 ROOMS = {
     "design": floors(
-        "variables uncertain prepared | judging | nlp | search | bound | result | solve | advice felt_record"
-        " rest_record shake_record | design_record | check | ros"
+        "variables uncertain prepared | judging | nlp | search | bound | result | solve | advice | records | check"
+        " | ros"
     ),
     "proof": floors(
         "enclosures outcome | boxes device_box | halving | prover | box_tests | claims | certificate cells"

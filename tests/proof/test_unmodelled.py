@@ -14,8 +14,8 @@ from conftest import mostly_slow
 from frequency import demanded, mechanism, offered
 from loop import Loop, sensitivity
 
-from vctune.design.design_record import claim_records, device_record
 from vctune.design.judging.judge import Status, judge
+from vctune.design.records.claims import claim_records, device_record
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem

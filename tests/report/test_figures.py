@@ -24,8 +24,8 @@ from pages import PARTS, SERVO, recorded
 from servo_logs import servo_case
 
 import vctune
+from vctune.design.records.design import design_of
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.records.design_json import design_of
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
 from vctune.report.curves import requirements

@@ -17,8 +17,8 @@ from pages import PARTS, SERVO, made, recorded
 from vctune.analysis.demands import transparency_error
 from vctune.api.solving import rows_of
 from vctune.cli.tables import print_rows
+from vctune.design.records.design import design_of, read_design
 from vctune.document.reading import parse_problem
-from vctune.document.records.design_json import design_of, read_design
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import sealed
 from vctune.model.gains import Coupling, Gains

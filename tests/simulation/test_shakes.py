@@ -17,7 +17,7 @@ from meaning import slowest
 from rubbing import Rubbing, run
 
 import vctune
-from vctune.design.rest_record import hands_at_rest
+from vctune.design.records.rest import hands_at_rest
 from vctune.simulation.kicks import buzz
 from vctune.simulation.rings import ringing
 from vctune.simulation.worlds import NOTHING, RIGID, worlds_of

@@ -13,17 +13,17 @@ from vctune.api.result import DESIGN_FILE, Files
 from vctune.api.solving import SavedDesign, json_text, require_bounded, require_gap, solve
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
-from vctune.design.design_record import optimality_record, record_of
 from vctune.design.judging.judge import Judgement, Status, judge
 from vctune.design.nlp.nlp import ipopt_version
 from vctune.design.prepared import prepare
+from vctune.design.records.design import DesignRecord, read_design, record_of
+from vctune.design.records.optimality import optimality_record
 from vctune.design.result import Solved
 from vctune.design.search.infeasible import OPENINGS
 from vctune.design.search.optimum import Progress, improved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, require_record_of
-from vctune.document.records.design_json import DesignRecord, read_design
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import today
 from vctune.exit_codes import ExitCode

@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from vctune.api.solving import known_record, solve
-from vctune.design.design_record import record_of
+from vctune.design.records.design import DesignRecord, record_of
 from vctune.design.search.optimum import Progress
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem, problem_at
-from vctune.document.records.design_json import DesignRecord
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.json import printed

@@ -15,14 +15,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from vctune.document.records.json_schemas import SCHEMAS
-from vctune.document.records.rows_json import SHOWN_COLUMNS
+from vctune.api.json_schemas import SCHEMAS
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import printed
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR, SAME, UNIT
 from vctune.proof.claims.registry import CLAIMS
+from vctune.study.row_record import SHOWN_COLUMNS
 
 # Guides with the table of codes, the glossary, the claims, and the columns of a sweep
 CODES, TERMS, PROOFS, COLUMNS = (f"vctune/{place}README.md" for place in ("cli/", "", "proof/", "study/"))

@@ -12,13 +12,13 @@ from vctune.api.argument_ranges import Format
 from vctune.api.result import RefusedError, code_of
 from vctune.api.solving import known_record
 from vctune.design.judging.judge import Status
+from vctune.design.records.design import DesignRecord
 from vctune.design.ros.admittance import problems_of_axes
 from vctune.design.search.optimum import Progress
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, stated_problem
 from vctune.document.reading import read_gains as read_gains
-from vctune.document.records.design_json import DesignRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, printable
 from vctune.document.text.json import printed

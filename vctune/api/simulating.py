@@ -12,6 +12,7 @@ import numpy as np
 
 from vctune.api.result import DESIGN_FILE, Files, Printed, RefusedError, Table, write
 from vctune.api.solving import designed
+from vctune.design.records.design import DesignRecord, read_design
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
@@ -19,14 +20,12 @@ from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_json import DesignRecord, read_design
-from vctune.document.records.simulation_json import FILE, SimulationRecord
 from vctune.document.text.errors import InputError, printable
 from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.report.experiments import HEADINGS, measured_rows
-from vctune.simulation.simulation_record import simulation_record, trace_arrays
+from vctune.simulation.simulation_record import FILE, SimulationRecord, simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated
 from vctune.simulation.two_runs import simulate as run
 
@@ -73,7 +72,7 @@ class Simulation:
         text = json.dumps(record.to_json(), indent=1, allow_nan=False) + "\n"
         files: Files = {folder / FILE: text, folder / "traces.npz": traces.getbuffer()}
         design = _record_in(folder)
-        if design is not None and record.is_of(design):
+        if design is not None and record.is_of(design.problem, design.gains, design.coupling):
             return {**files, **report_files(design, folder, record)}
         return {**files, **simulation_files(record, folder)}
 

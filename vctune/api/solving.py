@@ -14,9 +14,9 @@ from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Printed, Table, code_of, write
 from vctune.design.advice.prices import with_prices
 from vctune.design.advice.repair import with_repairs
-from vctune.design.design_record import record_of
 from vctune.design.judging.judge import Status
-from vctune.design.result import Solved
+from vctune.design.records.design import DesignRecord, design_of, read_design, record_of
+from vctune.design.result import Repair, Solved
 from vctune.design.search.along_limit import has_nothing_behind
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
@@ -24,9 +24,7 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_json import DesignRecord, Repair, design_of, read_design
 from vctune.document.records.part import text
-from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.errors import InputError, has_code, printable
 from vctune.document.text.output_files import make_folder, today
 from vctune.document.text.toml import called
@@ -34,6 +32,8 @@ from vctune.exit_codes import ExitCode
 from vctune.report.paths import REPORT as REPORT
 from vctune.report.paths import report_paths
 from vctune.running import time_limit as limited
+from vctune.simulation.simulation_record import FILE as SIMULATION_FILE
+from vctune.simulation.simulation_record import SimulationRecord, read_simulation
 
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
@@ -246,10 +246,19 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
         raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
     else:
         record, beside = design_of(dict(design) if isinstance(design, Mapping) else design, "design"), Path(folder)
-    simulation, folder = simulation_beside(beside, record), beside if folder is None else Path(folder)
+    simulation, folder = _simulation_in(beside, record), beside if folder is None else Path(folder)
     make_folder(folder)
     draw(record, folder, simulation)
     return folder / REPORT
+
+
+def _simulation_in(folder: Path, design: DesignRecord) -> SimulationRecord | None:
+    """Return the content of a folder's simulation.json if there is one and it belongs to a given design; else None."""
+    path = folder / SIMULATION_FILE
+    if not path.exists():
+        return None
+    found = read_simulation(path)
+    return found if found.is_of(design.problem, design.gains, design.coupling) else None
 
 
 def known_record(source: Any) -> DesignRecord | None:

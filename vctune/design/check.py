@@ -17,18 +17,18 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.multiples import suspects
 from vctune.design.advice.parameter_changes import ParameterChange
 from vctune.design.advice.repair import Found, Progress, edits, repairs_of_design
-from vctune.design.design_record import record_of, warnings
 from vctune.design.judging.judge import Judgement, Status, judge_all
 from vctune.design.judging.said import said_of
 from vctune.design.prepared import pose
-from vctune.design.result import Solved
+from vctune.design.records.design import record_of
+from vctune.design.records.shake import in_few_words, shaken_in_time
+from vctune.design.records.shake import notes as shake_notes
+from vctune.design.records.warned import warnings
+from vctune.design.result import Repair, Solved
 from vctune.design.search.theorems import impossible
-from vctune.design.shake_record import in_few_words, shaken_in_time
-from vctune.design.shake_record import notes as shake_notes
 from vctune.design.variables import keys_for, ranges
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, problem_of_gains
-from vctune.document.records.design_json import Repair
 from vctune.document.ros import TUNED
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake, Note

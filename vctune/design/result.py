@@ -12,13 +12,76 @@ from vctune.design.nlp.solution import Polished
 from vctune.design.search.first_proved import LookedAt
 from vctune.design.search.infeasible import Infeasibility
 from vctune.design.search.scan import ScanResult
-from vctune.document.records.design_json import Price, Repair
+from vctune.document.records.part import Nullable, RecordPart, text
+from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import Note
 from vctune.model.hands import Hand
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+
+
+# Relative change of the error, for a number that improves by 1 %, below which a price counts as zero
+NO_DIFFERENCE = 5e-5
+
+
+def _in_words(change: float) -> str:
+    return "no difference" if abs(change) < NO_DIFFERENCE else f"{100 * change:+.2f} %"
+
+
+class Price(RecordPart):
+    """The effect on the least error of improving one parameter of the device while the rest of the problem stays."""
+
+    key: str  # key of the parameter in the problem file
+    old: float  # the value, and a value that is better by 1 %, in SI units and hertz
+    new: float
+    change: float  # first-order change of the least error as a share of this error; at most 0
+    free: float | None = None  # relative change of the terms that the error does not count; null if it counts all
+
+    @property
+    def worth(self) -> str:
+        """The effect of improving the number on the error, in words."""
+        return _in_words(self.change)
+
+    @property
+    def worth_free(self) -> str:
+        """The effect on what is felt of the device itself when free, in words."""
+        return "" if self.free is None else _in_words(self.free)
+
+    def cells(self, units: Units) -> tuple[str, str, str]:
+        """Return the value, a better value, and their unit."""
+        return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)
+
+
+class Repair(RecordPart):
+    """A change of one value of the problem file after which there is a design."""
+
+    key: str  # dotted key
+    old: Nullable  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
+    new: Nullable
+    change: str  # meaning of the change, in words
+    needs: str  # the new line of the file, in TOML
+    assumes: bool  # whether it changes what is assumed of hands, environments or the demands, not the design
+    chooses: bool  # whether it changes a gain or the coupling, not the device
+    size: float  # change relative to the greater of the two values, by which repairs are ordered
+    error: float  # transparency error of the repaired design
+
+    def __str__(self) -> str:
+        whole = self.turns_off or self.needs.startswith(f"{self.key}:")  # a line of YAML
+        told = self.needs if whole else f"{self.key} = {text(self.new, 12)}"
+        return f"{told} instead of {self.told_old}"
+
+    @property
+    def told_old(self) -> str:
+        """The old value in words."""
+        return "true" if self.turns_off else "inf" if self.old is None else text(self.old, 12)
+
+    @property
+    def turns_off(self) -> bool:
+        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
+        return self.needs == f"{self.key} = false"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

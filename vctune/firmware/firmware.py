@@ -9,11 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from vctune.design.design_record import record_of
 from vctune.design.judging.judge import Judgement, Status, judge_all
+from vctune.design.records.design import DesignRecord, record_of
 from vctune.design.result import Solved
 from vctune.document.reading import ProblemFile
-from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.errors import printable
 from vctune.document.text.json import digest
 from vctune.model.device import Device

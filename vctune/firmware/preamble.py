@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from vctune.document.records.certificate_json import ENVIRONMENTS
+from vctune.design.records.claims import ENVIRONMENTS
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
 from vctune.model.numbers.units import Units, in_full

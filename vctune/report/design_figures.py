@@ -10,8 +10,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vctune.analysis.feel import FREE_HZ, WALL_HZ, feel, stiffness_in_contact
-from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.felt_json import weighed
+from vctune.design.records.design import DesignRecord
+from vctune.design.records.felt import weighed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from vctune.document.records.simulation_json import ExperimentRecord, MotionRecord, RunRecord, SimulationRecord
 from vctune.model.numbers.units import Units
 from vctune.report.style import BLUE, GREY, ORANGE, RED, WIDTH
 from vctune.report.templates import Shown, words
+from vctune.simulation.oscillation import Motion
+from vctune.simulation.simulation_record import ExperimentRecord, RunRecord, SimulationRecord
 
 HEADINGS = (
     "experiment",
@@ -80,7 +81,7 @@ def _cells(run: RunRecord, units: Units, command_unit: str) -> tuple[str, ...]:
     )
 
 
-def _motion(motion: MotionRecord | None, units: Units) -> str:
+def _motion(motion: Motion | None, units: Units) -> str:
     """Return what a trace does, in words."""
     if motion is None:
         return ""

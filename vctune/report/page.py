@@ -11,9 +11,8 @@ from typing import Literal
 from matplotlib import rc_context
 
 from vctune.analysis.demands import transparency_error
+from vctune.design.records.design import DesignRecord
 from vctune.document.reading import parse_problem
-from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.output_files import write_together
 from vctune.model.gains import Gains
@@ -27,6 +26,7 @@ from vctune.report.paths import report_paths
 from vctune.report.style import STYLE, quantity, svg
 from vctune.report.tables import asked, dynamics, found
 from vctune.report.templates import page_files, words
+from vctune.simulation.simulation_record import SimulationRecord
 
 LITTLE_USE = 0.75  # Share of the error without a loop at or above which a design is of little use
 MOST = 3  # Greatest number of active constraints on the first screen

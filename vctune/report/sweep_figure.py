@@ -12,10 +12,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.document.records.rows_json import SHOWN_COLUMNS
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.parts import PART_NUMBERS
 from vctune.report.style import BLUE, GREEN, INK, ORANGE, RED, STYLE, logarithmic, text_of_ticks
+from vctune.study.row_record import SHOWN_COLUMNS
 from vctune.study.study_table import Table
 
 SIZE = 3.5, 2.9  # Width of a column of a paper, and height, inches

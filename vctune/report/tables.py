@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.design.prepared import pose
-from vctune.document.records.certificate_json import HandsRecord, InnerLoopRecord, WallRecord, WallsRecord
-from vctune.document.records.design_json import DesignRecord
+from vctune.design.records.certificate import InnerLoopRecord
+from vctune.design.records.claims import HandsRecord, WallRecord, WallsRecord
+from vctune.design.records.design import DesignRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE

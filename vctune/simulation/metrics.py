@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.document.records.part import Nullable, RecordPart
 from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, MovingHand
 from vctune.model.gains import AnyCoupling, SpringDamper
@@ -21,32 +22,30 @@ N_POSITIONS = 400  # Number of positions at which the code compares loading and 
 SATURATED = 1 - 1e-9  # Share of the limit above which a force counts as at the limit
 
 
-@dataclass(frozen=True, slots=True)
-class Fit:
+class Fit(RecordPart):
     """A mass, damping or stiffness of the environment as the hand feels it, fitted by least squares; SI units."""
 
-    value: float  # value that the hand feels
-    asked: float  # value of the parameter in the environment; 0 for the damping of free motion
-    standard_error: float  # standard error of the value, from the residual
+    value: Nullable  # value that the hand feels
+    asked: Nullable  # value of the parameter in the environment; 0 for the damping of free motion
+    standard_error: Nullable  # standard error of the value, from the residual
 
 
-@dataclass(frozen=True, slots=True)
-class Metrics:
-    """The measures of a run."""
+class Metrics(RecordPart):
+    """The measures of a run; null for a measure that does not exist."""
 
-    non_overlap: float | None
+    non_overlap: Nullable
     fits: dict[str, Fit]
-    offset: float | None  # force of the fit at the origin, N
-    residual: float | None  # root mean square difference of the force from the fit, N
-    ripple: float | None
-    handle_energy: float  # work of the hand on the handle, J
-    environment_energy: float  # energy absorbed by the environment, J
-    motor_energy: float | None  # work of the commanded motor force on the device, J; None for a servo
-    handle_deficit: float
-    environment_deficit: float
-    peak_motor: float  # greatest magnitude of the command u, N
-    saturated: float  # share of the samples at the actuator's limit; 0 without a limit
-    peak_force: float  # greatest |f_h|, N
+    offset: Nullable  # force of the fit at the origin, N
+    residual: Nullable  # root mean square difference of the force from the fit, N
+    ripple: Nullable
+    handle_energy: Nullable  # work of the hand on the handle, J
+    environment_energy: Nullable  # energy absorbed by the environment, J
+    motor_energy: Nullable  # work of the commanded motor force on the device, J; None for a servo
+    handle_deficit: Nullable
+    environment_deficit: Nullable
+    peak_motor: Nullable  # greatest magnitude of the command u, N
+    saturated: Nullable  # share of the samples at the actuator's limit; 0 without a limit
+    peak_force: Nullable  # greatest |f_h|, N
 
 
 def metrics(
@@ -128,7 +127,7 @@ def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -
     errors = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled))) / scale
     values = solution / scale
     fits = {
-        name: Fit(float(value), getattr(environment, name), float(error))
+        name: Fit(value=float(value), asked=getattr(environment, name), standard_error=float(error))
         for name, value, error in zip(names, values, errors, strict=False)
     }
     return _Fitted(fits, float(values[-1]), about)

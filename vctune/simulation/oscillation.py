@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.document.records.part import Nullable, RecordPart
 from vctune.model.numbers.arithmetic import Floats
 
 if TYPE_CHECKING:
@@ -22,14 +22,14 @@ SHAKES = 1e-3  # Share of a count, and of the greatest command, within which a h
 LASTS = 0.8  # Share of its size that such an oscillation keeps from its first quarter to its last
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """What the handle does beside the hand's own motion; in a hand that stays whether it rests."""
+class Motion(RecordPart):
+    """What the handle does beside the hand's own motion: it is calm, settles after a disturbance, or buzzes; in a hand
+    that stays it rests, settles or buzzes."""
 
     kind: Literal["calm", "settles", "buzzes", "rests"]
-    frequency_hz: float | None = None  # of an oscillation that goes on, Hz
-    amplitude_m: float | None = None  # its size, half of the distance between its turns, m
-    rests: bool | None = None  # whether a handle comes to rest; None in a hand that moves
+    frequency_hz: Nullable  # of an oscillation that goes on
+    amplitude_m: Nullable  # its size, half of the distance between its turns
+    rests: bool | None  # whether the handle comes to rest; null in a hand that moves
 
 
 def motion_of(position: Floats, sample_time: float, cycle: float, travel: float, count: float) -> Motion:
@@ -37,7 +37,7 @@ def motion_of(position: Floats, sample_time: float, cycle: float, travel: float,
     encoder, m."""
     corner = 2 * SLOW * sample_time / cycle  # over the Nyquist frequency
     if len(position) < 64 or corner >= 0.5:
-        return Motion("calm")
+        return _moving("calm")
     from scipy.signal import butter, sosfiltfilt
 
     quick = sosfiltfilt(butter(2, corner, "highpass", output="sos"), position)
@@ -46,10 +46,15 @@ def motion_of(position: Floats, sample_time: float, cycle: float, travel: float,
     lasting = [run[first : first + MANY] for run in runs for first in range(len(run) - MANY + 1)]
     lasting = [turns for turns in lasting if _lasts(np.abs(quick[turns]))]
     if not lasting:
-        return Motion("settles" if any(len(run) >= SOME for run in runs) else "calm")
+        return _moving("settles" if any(len(run) >= SOME for run in runs) else "calm")
     turns = max(lasting, key=lambda turns: float(np.median(np.abs(quick[turns]))))
     hz = (MANY - 1) / (2 * sample_time * (turns[-1] - turns[0]))
-    return Motion("buzzes", float(hz), float(np.median(np.abs(quick[turns]))))
+    return _moving("buzzes", float(hz), float(np.median(np.abs(quick[turns]))))
+
+
+def _moving(kind: Literal["calm", "settles", "buzzes"], hz: float | None = None, size: float | None = None) -> Motion:
+    """Return what a handle does in a hand that moves."""
+    return Motion(kind=kind, frequency_hz=hz, amplitude_m=size, rests=None)
 
 
 def at_rest(traces: Traces, last: NDArray[np.bool_], travel: float, count: float) -> Motion:
@@ -64,10 +69,11 @@ def at_rest(traces: Traces, last: NDArray[np.bool_], travel: float, count: float
     position = CubicHermiteSpline(time, traces.position[last], traces.velocity[last])(within)
     amplitude, commanded = float(np.ptp(position)) / 2, float(np.ptp(motor))
     if amplitude <= SHAKES * (count or LEAST * travel) and commanded <= SHAKES * float(np.abs(traces.motor).max()):
-        return Motion("rests", amplitude_m=amplitude, rests=True)
+        return Motion(kind="rests", frequency_hz=None, amplitude_m=amplitude, rests=True)
     halves = [float(np.ptp(half)) for half in np.array_split(position, 2)]
     kind: Literal["settles", "buzzes"] = "buzzes" if halves[1] >= LASTS * halves[0] else "settles"
-    return Motion(kind, strongest_hz(traces.position[last], time[1] - time[0]), amplitude, rests=False)
+    hz = strongest_hz(traces.position[last], time[1] - time[0])
+    return Motion(kind=kind, frequency_hz=hz, amplitude_m=amplitude, rests=False)
 
 
 def strongest_hz(position: Floats, sample_time: float) -> float:

@@ -1,28 +1,25 @@
-"""Make the object of simulation.json and the arrays of traces.npz from simulated experiments."""
+"""Simulated experiments: the object of simulation.json, and the arrays of traces.npz."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import fields
 from math import ceil
-from typing import Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from vctune.document.reading import ProblemFile
-from vctune.document.records.gains_json import stated_units
-from vctune.document.records.simulation_json import (
-    ExperimentRecord,
-    MetricsRecord,
-    MotionRecord,
-    RunRecord,
-    SimulatedLoopRecord,
-    SimulatedProblemRecord,
-    SimulationRecord,
-)
-from vctune.document.text.json import experiments_digest
+from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.records.gains_json import AnyCouplingRecord, ProblemRecord, stated_units
+from vctune.document.records.part import Nullable, RecordPart
+from vctune.document.text.json import SealedDocument, as_record, experiments_digest, read_json
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.arithmetic import Floats
+from vctune.model.numbers.units import UNITS, Units, UnitSystem
+from vctune.simulation.metrics import Metrics
+from vctune.simulation.oscillation import Motion
 from vctune.simulation.run import Traces
 from vctune.simulation.scene import evaluated_from, stroke_time
 from vctune.simulation.two_runs import Run, Simulated
@@ -31,6 +28,84 @@ from vctune.version import __version__
 # Greatest number of points of a curve: evenly spaced samples, of which traces.npz has all; of an oscillation every
 # sample of the last ones
 CURVE_POINTS, OF_OSCILLATION = 500, 2000
+FILE = "simulation.json"
+MAX_BYTES = 100_000_000
+KIND = "a simulation.json of `vctune simulate`"
+
+
+class SimulatedProblemRecord(RecordPart):
+    """The problem: its name, its digest, the digest of its experiments, and the motion of its device."""
+
+    name: str
+    sha256: str
+    experiments_sha256: str
+    units: UnitSystem = "linear"
+
+
+class SimulatedLoopRecord(RecordPart):
+    """The linear sampled loop of device, hand and environment."""
+
+    stable: bool
+    spectral_radius: Nullable
+    hz: float
+
+
+class RunRecord(RecordPart):
+    """One controller in one experiment."""
+
+    diverged_s: Nullable  # time at which the run diverged, s; null if it did not
+    metrics: Metrics | None  # measures; null if the run diverged
+    loop: SimulatedLoopRecord  # linear loop of this controller
+    motion: Motion | None = None  # what the trace does; null if the run diverged
+    curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+
+
+class ExperimentRecord(RecordPart):
+    """An experiment with the runs of the regular PID and of the design."""
+
+    name: str
+    environment: Environment
+    axis: Literal["position", "velocity"]  # quantity of the horizontal axis of the curves
+    samples: int  # number of samples of the design's run
+    baseline: RunRecord | None
+    design: RunRecord
+
+
+class SimulationRecord(SealedDocument):
+    """Simulated experiments, in SI units and hertz: the object of simulation.json."""
+
+    SCHEMA = "vctune/simulation/1"
+
+    problem: SimulatedProblemRecord
+    gains: Gains
+    coupling: AnyCouplingRecord
+    experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
+    versions: dict[str, str | None]
+    commanded: Literal["velocity", "position"] | None = None
+
+    @property
+    def units(self) -> Units:
+        """The units of the record."""
+        return UNITS[self.problem.units]
+
+    @property
+    def command_unit(self) -> str:
+        """The unit of the firmware's command: a force, or for a servo a velocity or a position."""
+        return {"velocity": self.units.speed, "position": self.units.position, None: self.units.force}[self.commanded]
+
+    def is_of(self, problem: ProblemRecord, gains: Gains | None, coupling: AnyCoupling | None) -> bool:
+        """Return whether a simulation belongs to the problem and the design of a design.json, and used no other
+        controller."""
+        if self.problem.sha256 != problem.sha256 or (self.gains, self.coupling) != (gains, coupling):
+            return False
+        experiments = parse_problem(problem.text, problem.name, problem.name).experiments
+        return self.problem.experiments_sha256 == experiments_digest(experiments)
+
+
+def read_simulation(path: Path) -> SimulationRecord:
+    """Return the record in a simulation.json."""
+    remedy = "simulate again, or remove the file"
+    return as_record(read_json(path, KIND, MAX_BYTES), SimulationRecord, str(path), kind=KIND, remedy=remedy)
 
 
 def simulation_record(
@@ -97,9 +172,9 @@ def axis(environment: Environment) -> Literal["position", "velocity"]:
 def _run(run: Run, curve: list[list[float]]) -> RunRecord:
     return RunRecord(
         diverged_s=run.traces.diverged,
-        metrics=MetricsRecord(**asdict(run.metrics)) if run.metrics else None,
+        metrics=run.metrics,
         loop=SimulatedLoopRecord(stable=run.mode.radius < 1, spectral_radius=run.mode.radius, hz=run.mode.hz),
-        motion=MotionRecord(**asdict(run.motion)) if run.motion else None,
+        motion=run.motion,
         curve=curve,
     )
 

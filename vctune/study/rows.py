@@ -13,13 +13,13 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.document.records.rows_json import RowsHeader
 from vctune.document.study_file import Study
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import digest, problem_digest
 from vctune.document.text.output_files import write_together
 from vctune.model.problem import Problem
 from vctune.model.transparency import Terms
+from vctune.study.row_record import RowsHeader
 from vctune.version import __version__
 
 FAILED = "failed"  # Status of a point whose worker died or failed

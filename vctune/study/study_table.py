@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.judging.judge import Status
-from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS, ChatterColumns
+from vctune.design.records.rest import ChatterColumns
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study, number_keys
 from vctune.document.text.json import printed
 from vctune.document.text.toml import value_at
 from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
+from vctune.study.row_record import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS
 from vctune.study.rows import StudyRows
 
 AxisValues = tuple[float, ...]

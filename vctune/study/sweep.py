@@ -11,21 +11,21 @@ from math import inf, isfinite
 from time import perf_counter
 from typing import Any
 
-from vctune.design.design_record import felt_record
 from vctune.design.judging.judge import Status
 from vctune.design.judging.said import open_claims
-from vctune.design.rest_record import chatter_columns
+from vctune.design.records.felt import felt_record
+from vctune.design.records.rest import chatter_columns
+from vctune.design.records.shake import shake_columns
 from vctune.design.result import Solved
-from vctune.design.shake_record import shake_columns
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.document.records.rows_json import COLUMN_OF_KEY, FROM_VERDICT, QUANTITY_OF_COLUMN, RowRecord
 from vctune.document.schema.validation import dotted
 from vctune.document.study_file import Study
 from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.executors import WorkerPool
+from vctune.study.row_record import COLUMN_OF_KEY, FROM_VERDICT, QUANTITY_OF_COLUMN, RowRecord
 from vctune.study.rows import FAILED, PointRow, StudyRows, constraints_key, invalid_key, key_of
 from vctune.study.study_table import AxisValues, points
 

@@ -17,7 +17,7 @@ def schema(kind: str) -> None:
     """
     import json
 
+    from vctune.api.json_schemas import SCHEMAS
     from vctune.cli.runner import emit
-    from vctune.document.records.json_schemas import SCHEMAS
 
     emit(json.dumps(SCHEMAS[kind](), indent=2))

@@ -15,11 +15,10 @@ from vctune.design.judging.judge import Judgement, Status
 from vctune.design.nlp.nlp import lagrangian, stated
 from vctune.design.nlp.solution import Polished
 from vctune.design.prepared import Prepared, pose, prepare
-from vctune.design.result import Solved
+from vctune.design.result import Price, Solved
 from vctune.design.search.along_limit import least_error
 from vctune.design.search.first_proved import Law, LookedAt
 from vctune.design.variables import coordinates, design_of
-from vctune.document.records.design_json import Price
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.parts import LATENCY, PART_NUMBERS

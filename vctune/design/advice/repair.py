@@ -17,10 +17,9 @@ from vctune.design.advice.parameter_changes import ParameterChange, change_of_ga
 from vctune.design.advice.reserve import reserve
 from vctune.design.judging.judge import Judgement, Status, certified, with_best_corner
 from vctune.design.prepared import pose
-from vctune.design.result import Solved
+from vctune.design.result import Repair, Solved
 from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import ProblemFile, problem_at
-from vctune.document.records.design_json import Repair
 from vctune.document.text import toml
 from vctune.model.design import Design
 from vctune.model.hands import Hand

@@ -23,6 +23,8 @@ from vctune.design.check import (
 )
 from vctune.design.judging.judge import Judgement, Status, judge
 from vctune.design.judging.said import said_of
+from vctune.design.records.shake import in_few_words, shaken_in_time
+from vctune.design.result import Repair
 from vctune.design.ros.admittance import (
     arm_tables,
     as_problem,
@@ -32,9 +34,7 @@ from vctune.design.ros.admittance import (
     followed,
     problems_of_axes,
 )
-from vctune.design.shake_record import in_few_words, shaken_in_time
 from vctune.document.reading import ProblemFile, problem_at, problem_file
-from vctune.document.records.design_json import Repair
 from vctune.document.ros import AXES, GRAVITY, HEAVIEST, LIGHTEST, TUNED, WEIGHT, Admittance, AdmittanceFile
 from vctune.document.schema.validation import KeyPath
 from vctune.document.text import toml

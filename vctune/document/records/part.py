@@ -19,6 +19,7 @@ from vctune.model.numbers.units import Units
 T = TypeVar("T")
 P = TypeVar("P", bound=BaseModel)
 SHOWN_AS_ZERO = 1e-20  # Size below which a number is 0 in a text
+GRAMS = 0.1  # Mass below which a mass is told in grams, kg
 
 
 class Row(NamedTuple):
@@ -41,6 +42,11 @@ def text(value: Any, digits: int = 5) -> str:
     if isinstance(value, float):
         return f"{0.0 if abs(value) < SHOWN_AS_ZERO else value:.{digits}g}"
     return "none" if value is None else str(value)
+
+
+def milli(value: float, unit: str) -> str:
+    """Return a small length or angle, or a small speed."""
+    return f"{text(1e3 * value, 4)} m{unit}" if value < 1 else f"{text(value, 4)} {unit}"
 
 
 def _existing(value: Any) -> Any:

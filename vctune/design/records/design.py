@@ -1,169 +1,48 @@
-"""Define the record of a design: each key of design.json once, with its type and its label (README.md, section 3)."""
+"""The record of a design, in SI units and hertz: each key of design.json once (document/README.md, section 3)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import inf, isclose, isfinite
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from vctune.analysis.demands import transparency_error
-from vctune.document.reading import digest_mistakes, stated_problem
-from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
-from vctune.document.records.felt_json import ContactRecord, InHandRecord, RestRecord
-from vctune.document.records.gains_json import (
-    AnyCouplingRecord,
-    ProblemRecord,
-    TransparencyRecord,
-)
-from vctune.document.records.part import Nullable, Pair, RecordPart, Row, rows, text
-from vctune.document.records.shake_json import BuzzRecord, RingingRecord
-from vctune.document.schema.number_units import unit_of
-from vctune.document.text.errors import Mistake
+from vctune.design.judging.judge import Judgement
+from vctune.design.nlp.working_set import CONSTRAINT_KINDS
+from vctune.design.records.active import ActiveRecord, active
+from vctune.design.records.certificate import CertificateRecord, InnerLoopRecord, certificate_record
+from vctune.design.records.claims import display_of, present
+from vctune.design.records.contact import CONTACT, ContactRecord, contact_record
+from vctune.design.records.felt import InHandRecord, in_hand_record
+from vctune.design.records.optimality import OptimalityRecord, UncertaintyRecord, optimality_record, uncertainty_record
+from vctune.design.records.rest import REST, RestRecord, rest_record
+from vctune.design.records.shake import SHAKES, BuzzRecord, RingingRecord, notes, shaken
+from vctune.design.records.warned import touched, warnings
+from vctune.design.result import Price, Repair, Solved
+from vctune.document.doubts import file_doubts
+from vctune.document.reading import ProblemFile, digest_mistakes, stated_problem
+from vctune.document.records.gains_json import AnyCouplingRecord, ProblemRecord, TransparencyRecord, stated_units
+from vctune.document.records.part import RecordPart, Row, made, rows, text
+from vctune.document.text.errors import Mistake, Note
 from vctune.document.text.json import SealedDocument, as_record, read_json
 from vctune.model.display import DISPLAYS
-from vctune.model.fields import Shown
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units, narrowed
 from vctune.model.problem import Problem
 from vctune.proof.outcome import Verdict, worst_verdict
+from vctune.running import OutOfTimeError, unlimited
+from vctune.version import versions
 
 MAX_BYTES = 10_000_000
 KIND = "a design.json of `vctune solve`"
-
-
-def read_design(path: Path) -> DesignRecord:
-    """Return the record in a design.json."""
-    return design_of(read_json(path, KIND, MAX_BYTES), str(path))
-
-
-def design_of(value: Any, source: str) -> DesignRecord:
-    """Return the record in the object of a design.json, or a record that a program has made, if its parts belong
-    together."""
-    value = value.to_json() if isinstance(value, DesignRecord) else value
-    return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")
-
-
-# Relative change of the error, for a number that improves by 1 %, below which a price counts as zero
-NO_DIFFERENCE = 5e-5
-
-
-def _in_words(change: float) -> str:
-    return "no difference" if abs(change) < NO_DIFFERENCE else f"{100 * change:+.2f} %"
-
-
-class Price(RecordPart):
-    """The effect on the least error of improving one parameter of the device while the rest of the problem stays."""
-
-    key: str  # key of the parameter in the problem file
-    old: float  # the value, and a value that is better by 1 %, in SI units and hertz
-    new: float
-    change: float  # first-order change of the least error as a share of this error; at most 0
-    free: float | None = None  # relative change of the terms that the error does not count; null if it counts all
-
-    @property
-    def worth(self) -> str:
-        """The effect of improving the number on the error, in words."""
-        return _in_words(self.change)
-
-    @property
-    def worth_free(self) -> str:
-        """The effect on what is felt of the device itself when free, in words."""
-        return "" if self.free is None else _in_words(self.free)
-
-    def cells(self, units: Units) -> tuple[str, str, str]:
-        """Return the value, a better value, and their unit."""
-        return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)
-
-
 # Text that replaces the active constraints if the search stopped early, or if it does not solve an NLP
 UNKNOWN_LIMITS = "not known: the search ended without multipliers"
-
-
 SAME_PLACE = 1.05  # Greatest ratio of two frequencies that belong to the same extremum of a response
-
-
-class ActiveRecord(RecordPart):
-    """An active constraint of the search."""
-
-    demand: str  # formula of the constraint
-    hz: Nullable  # frequency at which it is active; null if it belongs to no frequency
-    multiplier: float | None  # relative decrease of the error for a relative weakening of it; null without an optimum
-    device: DeviceRecord | None = None  # device on which it is active; null if there is only one device
-
-
-class Repair(RecordPart):
-    """A change of one value of the problem file after which there is a design."""
-
-    key: str  # dotted key
-    old: Nullable  # old and new value, in the unit of the file; 1 and 0 for true and false. An infinite value is null
-    new: Nullable
-    change: str  # meaning of the change, in words
-    needs: str  # the new line of the file, in TOML
-    assumes: bool  # whether it changes what is assumed of hands, environments or the demands, not the design
-    chooses: bool  # whether it changes a gain or the coupling, not the device
-    size: float  # change relative to the greater of the two values, by which repairs are ordered
-    error: float  # transparency error of the repaired design
-
-    def __str__(self) -> str:
-        whole = self.turns_off or self.needs.startswith(f"{self.key}:")  # a line of YAML
-        told = self.needs if whole else f"{self.key} = {text(self.new, 12)}"
-        return f"{told} instead of {self.told_old}"
-
-    @property
-    def told_old(self) -> str:
-        """The old value in words."""
-        return "true" if self.turns_off else "inf" if self.old is None else text(self.old, 12)
-
-    @property
-    def turns_off(self) -> bool:
-        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
-        return self.needs == f"{self.key} = false"
-
-
-class OptimalityRecord(RecordPart):
-    """The proved lower bound on the error of every feasible design."""
-
-    lower_bound: Annotated[Nullable, Shown("lower bound", "{verdict}, {boxes} boxes")]
-    gap: Annotated[Nullable, Shown("gap", "%", 3, scale=100, optional=True)]
-    verdict: Literal["proved", "open"]
-    boxes: int
-    error: Nullable  # of the best known design
-    both_sides: bool = False  # whether the bound is of designs on both sides of a nearby whole sample of delay
-
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the bound and the gap, and what the bound is of."""
-        yield from super().rows(units)
-        if self.both_sides:
-            yield Row("bound is of", "", "designs that are proved on both sides of the nearby whole sample of delay")
-
-
-class UncertaintyRecord(RecordPart):
-    """The design on all devices of the uncertainty box, and its worst error."""
-
-    box: dict[str, Pair]
-    unmodelled: list[list[float]] = Field(default_factory=list)
-    objective: str
-    robust_error: Nullable
-    worst_error: Annotated[Nullable, Shown("worst error", "at {worst_device}")]
-    worst_device: DeviceRecord
-    min_ratio_device: DeviceRecord
-
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the box, the device on which Re Z_c / R is least, and the errors."""
-        for name, ends in self.box.items():
-            yield Row(name, text(ends), unit_of(("device", *name.split(".")), units))
-        if self.unmodelled:
-            radii = [radius for _, radius in self.unmodelled]
-            yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
-        yield Row("least ratio at", "", self.min_ratio_device.in_words(units))
-        yield from super().rows(units)
-
-
 # Relative difference of two errors of a design within which they are the same on any machine
 SAME_ERROR = 1e-6
 # Groups of the nominal device in a problem with a box of devices, and those of their rows that are of every device
@@ -172,11 +51,6 @@ OF_WALL = frozenset({"peak |S|", "phase margin"})  # rows of the certificate tha
 OF_EVERY_DEVICE = frozenset({"peak |S|", "unstable poles"})
 # Status of a design for each verdict of its certificate
 STATUSES = {"proved": "certified", "refuted": "violated", "undecided": "undecided"}
-
-
-def _together(one: float, other: float) -> bool:
-    """Return whether two frequencies belong to the same extremum."""
-    return max(one, other) <= SAME_PLACE * min(one, other)
 
 
 class NearestRecord(RecordPart):
@@ -358,3 +232,135 @@ class DesignRecord(SealedDocument):
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
             del result["gains"]
         return result
+
+
+def _together(one: float, other: float) -> bool:
+    """Return whether two frequencies belong to the same extremum."""
+    return max(one, other) <= SAME_PLACE * min(one, other)
+
+
+def read_design(path: Path) -> DesignRecord:
+    """Return the record in a design.json."""
+    return design_of(read_json(path, KIND, MAX_BYTES), str(path))
+
+
+def design_of(value: Any, source: str) -> DesignRecord:
+    """Return the record in the object of a design.json, or a record that a program has made, if its parts belong
+    together."""
+    value = value.to_json() if isinstance(value, DesignRecord) else value
+    return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")
+
+
+def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
+    """Return the JSON object of a solved problem. Every number in the object is finite or null.
+
+    Parameters
+    ----------
+    file : ProblemFile
+        The problem and its text.
+    solved : Solved
+        Its result.
+    ipopt : str, optional
+        Version of IPOPT if the result needed it (`vctune.design.nlp.nlp.ipopt_version`).
+
+    Returns
+    -------
+    dict
+        The object of design.json, in SI units and hertz.
+    """
+    return record_of(file, solved, ipopt).to_json()
+
+
+@np.errstate(all="ignore")
+def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
+    """Return the record of a solved problem, from which `design_record` makes the JSON object."""
+    judgement, problem = solved.judgement, solved.problem
+    parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
+    at_bound, warned = list[str](), list[Note]()
+    if judgement is not None:
+        parts["felt"] = in_hand_record(problem, judgement)
+        try:
+            parts["contact"] = contact_record(problem, judgement)
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, CONTACT))
+        try:
+            parts["ringing"], parts["buzz"] = shaken(problem, judgement)
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, SHAKES))
+        try:
+            parts["rest"] = rest_record(problem, judgement, parts.get("buzz"))
+        except OutOfTimeError:
+            solved = replace(solved, cut=(*solved.cut, REST))
+        with unlimited():
+            parts |= _judged(problem, judgement)
+            at_bound, warned = [key for key, _ in touched(problem, judgement)], warnings(problem, judgement)
+        warned += notes(parts.get("ringing"), parts.get("buzz"), problem.units)
+    also = {
+        "date": date,
+        "prices": solved.prices,
+        "rule": "euler" if problem.device.rule == "euler" else None,
+        "tried": solved.tried or None,
+        "nearest": _nearest(solved),
+        **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "ringing", "buzz", "uncertainty")},
+    }
+    said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
+    return DesignRecord(
+        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text, **stated_units(problem.device)),
+        status=solved.status.value,
+        reason=solved.reason,
+        active=active(solved),
+        proved=solved.infeasibility.proved if solved.infeasibility else None,
+        idle=judgement is not None and judgement.idle,
+        repairs=solved.repairs,
+        at_bound=at_bound,
+        warnings=[note.line for note in said],
+        solver=solver_record(solved),
+        optimality=optimality_record(problem, solved.optimality) if solved.optimality else None,
+        versions=versions(ipopt),
+        **parts,
+        **present(also),
+    )
+
+
+def _nearest(solved: Solved) -> NearestRecord | None:
+    if solved.infeasibility is None or solved.infeasibility.nearest is None:
+        return None
+    gains, coupling = solved.infeasibility.nearest
+    return NearestRecord(gains=gains, coupling=coupling)
+
+
+def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+    gains, coupling = judgement.gains, judgement.coupling
+    return {
+        "gains": gains,
+        "coupling": coupling,
+        "transparency": TransparencyRecord(**asdict(judgement.transparency), **_apart(problem), **display_of(problem)),
+        "certificate": certificate_record(problem, judgement),
+        "inner_loop": made(InnerLoopRecord, judgement) if gains.closed else None,
+        "uncertainty": uncertainty_record(problem, judgement),
+    }
+
+
+def _apart(problem: Problem) -> dict[str, Any]:
+    """Return the record of the weighted terms that the error does not count; empty if it counts them all."""
+    return {"apart": list(problem.apart)} if problem.apart else {}
+
+
+def solver_record(solved: Solved) -> dict[str, Any]:
+    """Return the record of the optimiser: starts, sizes of the NLP, and iterations; empty without an NLP."""
+    if solved.polished is None or solved.scanned is None:
+        return {}
+    polished = solved.polished
+    return {
+        "name": "ipopt",
+        "converged": polished.solution.converged,
+        "starts": len(solved.scanned.starts),
+        "optima": solved.optima,
+        "variables": polished.structure.variables,
+        "constraints": sum(polished.working_set.sizes())
+        + 2 * polished.structure.tracked_peaks
+        + polished.structure.mean_errors,
+        "frequencies": dict(zip(CONSTRAINT_KINDS, polished.working_set.sizes(), strict=True)),
+        "rounds": len(polished.rounds),
+        "iterations": sum(each.iterations for each in polished.rounds),
+    }

@@ -1,25 +1,20 @@
-"""Make the JSON Schema of each kind of file from the class that reads and writes it."""
+"""The JSON Schema of each kind of file, from the class that reads and writes it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from vctune.document.records.design_json import DesignRecord
+from vctune.design.records.design import DesignRecord
 from vctune.document.records.identification_json import IdentificationRecord
 from vctune.document.records.part import Document
 from vctune.document.records.region_json import RegionDocument
-from vctune.document.records.rows_json import RowRecord, RowsHeader
-from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.schema.log_schema import LogDocument
-from vctune.document.schema.problem_schema import (
-    GainsDocument,
-    ServoGainsDocument,
-    SpringGainsDocument,
-    json_schema,
-)
+from vctune.document.schema.problem_schema import GainsDocument, ServoGainsDocument, SpringGainsDocument, json_schema
 from vctune.document.schema.study_schema import StudyDocument
 from vctune.document.schema.validation import DIALECT, schema_of
+from vctune.simulation.simulation_record import SimulationRecord
+from vctune.study.row_record import RowRecord, RowsHeader
 
 
 def _of(*parts: type[Document] | type[RowRecord]) -> dict[str, Any]:

@@ -1,34 +1,85 @@
-"""Record what the hand feels of a design, the latency of a servo, and the stiffest contact that its design permits."""
+"""The latency of a servo, the drag that contacts require of it, and the stiffest contact that its design permits."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, replace
-from math import floor, inf, log10, pi, prod
-from typing import Any, Literal
+from math import floor, inf, isclose, log10
+from typing import Annotated, Any, Literal
 
-import numpy as np
+from pydantic import Field
 
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
-from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ
-from vctune.analysis.felt_impedance import impedance_felt
 from vctune.design.judging.judge import Judgement, Status, certified
-from vctune.document.records.felt_json import ContactRecord, InHandRecord, LatencyPartRecord
+from vctune.document.records.part import Nullable, RecordPart, Row, how_shown, text
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.hands import Hands
-from vctune.model.loop.filters import force_sections
+from vctune.model.fields import Shown
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.units import finite_hertz
+from vctune.model.numbers.units import Units, finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.servo import latency, latency_parts
-from vctune.model.worlds import World
 from vctune.proof.outcome import Verdict
-from vctune.simulation.controller import coupling_coefficients
 
 CONTACT = "the stiffest contact"  # Name of a part that a time limit may leave out
 RESERVE = 1e-3  # Relative distance between the stiffest contact in double precision and the contact that vctune proves
 DIGITS = 4  # Number of significant digits of the stiffest contact
+
+
+class LatencyPartRecord(RecordPart):
+    """A part of the latency: its name, its key, its length, s, and the drag that it requires at rest, N s/m."""
+
+    part: str
+    key: str
+    latency_s: float
+    drag: Nullable = None  # absent before environments of limited mass, which require none
+
+
+class ContactRecord(RecordPart):
+    """The drag that contacts require on a servo, and the stiffest contact that the coupling allows."""
+
+    stiffness: float
+    safety_factor: float
+    parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]  # parts of the latency, and their sum
+    latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
+    # drags that the hands require; absent before environments of limited mass, which require none
+    rest_drag: Annotated[Nullable, Shown("least drag at rest", of="damping", optional=True)] = None
+    drag_alone: Annotated[Nullable, Shown("least drag without b_c", of="damping", optional=True)] = None
+    drag_alone_hz: Nullable = None
+    drag_alone_hand: Hand | None = None
+    stiffest_contact: Annotated[Nullable, Shown("stiffest contact", digits=7, of="stiffness")]
+    stiffest_contact_verdict: Literal["proved", "undecided"] | None
+    own_spring: float = 0.0
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the rows, each with its condition."""
+        details = self._details(units)
+        shown = [name for name in how_shown(type(self)) if name in details]
+        for name, row in zip(shown, super().rows(units), strict=True):
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{details[name]}")
+
+    def _details(self, units: Units) -> dict[str, str]:
+        """Return the text beside the number of each row, by the name of its field."""
+        parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
+        contacts = f"contacts up to {text(self.stiffness, 7)} {units.stiffness}"
+        bears = f", {self.stiffest_contact_verdict} with this coupling"
+        if self.stiffest_contact is None:
+            bears = "even the softest hands require more than this coupling offers"
+        found = {"latency_s": f" = {parts}", "stiffest_contact": bears}
+        if self.drag_alone_hand is None or self.rest_drag is None:
+            return found
+        worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
+        return found | {"rest_drag": f" for {contacts}: {self.rule(self.rest_drag)}", "drag_alone": f", {worst}"}
+
+    def rule(self, rest_drag: float) -> str:
+        """Return the formula for the least drag at rest, in words."""
+        of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
+        rule = f"{text(self.safety_factor)} K L{' and the drag of the own spring' if self.own_spring else ''}"
+        if isclose(rest_drag, of_springs, rel_tol=1e-6):
+            return rule
+        less = rest_drag < of_springs
+        return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
@@ -103,50 +154,3 @@ def _floored(stiffness: float) -> float:
         return reserved
     unit = 10.0 ** (floor(log10(reserved)) + 1 - DIGITS)
     return float(f"{floor(reserved / unit) * unit:.{DIGITS}g}")
-
-
-def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
-    """Return what the hand feels of a design."""
-    gains, coupling, device, objective = judgement.gains, judgement.coupling, problem.device, problem.transparency
-    found: dict[str, bool | float | str] = {}
-    if device.kind.own_loop and not device.kind.inverse and gains.closed:
-        found["limp"] = gains.position < objective.reference_impedance * objective.band.min
-    if problem.nyquist > (omega := 2 * pi * FREE_HZ[0]):
-        least = problem.worlds.low if problem.worlds is not None else None
-        free = _felt(problem, gains, coupling, omega, least)
-        found |= {} if least is None else {"behind": least.in_words(problem.units)}
-        found |= {"mass_1hz": free.imag / omega, "damping_1hz": free.real}
-        if device.servo is None:
-            found["bare_mass_1hz"] = _felt(problem, *NO_LOOP, omega).imag / omega
-    wall = problem.worlds.high.stiffness if problem.worlds is not None and problem.worlds.walls else inf
-    if wall < inf and problem.nyquist > (omega := 2 * pi * WALL_HZ):
-        low = problem.worlds.low if problem.worlds is not None else World(0.0, 0.0, 0.0)
-        felt = _felt(problem, gains, coupling, omega, World(low.mass, low.damping, wall))
-        found |= {"felt_wall_10hz": omega * (omega * low.mass - felt.imag), "wall": wall}
-    if device.servo is not None and not isinstance(coupling, SpringDamper):
-        speed, acceleration = first_command(device, coupling)
-        found |= {"first_speed": speed, "first_acceleration": acceleration}
-    if device.velocity is not None and device.velocity.resolution is not None:
-        found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
-    return InHandRecord.model_validate(found)
-
-
-def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:
-    """Return the velocity that a servo at rest is commanded in the first sample of a unit of sensed force, through the
-    firmware's filter and with nothing behind, and its rate over this sample."""
-    share, T = prod(float(section.now) for section in force_sections(device)), device.sample_time
-    speed = share / coupling_coefficients(coupling, T, rule=device.rule)["resistance"]
-    return speed, speed / T
-
-
-def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, world: World | None = None) -> complex:
-    """Return the impedance that the hand feels in front of a virtual environment, N s/m."""
-    met = world or World(0.0, 0.0, 0.0)
-    return complex(impedance_felt(problem.device, gains, coupling, np.array([omega]), met)[0])
-
-
-def _stiffness_of_a_count(gains: Gains, coupling: AnyCoupling, sample_time: float) -> float:
-    """Return the force on the motor that a step of the position causes in its sample, without filters, N/m."""
-    if isinstance(coupling, SpringDamper):
-        return (gains.velocity + coupling.damping) / sample_time + coupling.stiffness
-    return gains.velocity / sample_time + gains.position

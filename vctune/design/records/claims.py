@@ -1,37 +1,31 @@
-"""Define the records of the claims about a design and about its velocity loop."""
+"""The claims about a design: the verdict of each, where its margin is least, and its words."""
 
-from collections.abc import Callable, Iterator, Mapping
-from math import degrees, inf, log10, radians
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from math import degrees, inf, radians
 from typing import Annotated, Any
 
 from pydantic import Field
 
-from vctune.analysis.margins import unstable_poles
-from vctune.analysis.sampled_loop import spectral_radius
-from vctune.document.records.part import (
-    DisplayPart,
-    From,
-    Nullable,
-    Pair,
-    Proof,
-    RecordPart,
-    Row,
-    how_shown,
-    made,
-    text,
-)
+from vctune.analysis.in_worlds import binding_world
+from vctune.design.judging.judge import Judgement, LeastRatio
+from vctune.document.records.part import GRAMS, DisplayPart, Nullable, Pair, Proof, RecordPart, Row, how_shown, text
+from vctune.model.device import Device
+from vctune.model.display import ADMITTANCE
 from vctune.model.fields import Shown
-from vctune.model.hands import Hand, Hands, LeastOperator, passive_hand
-from vctune.model.numbers.units import Units, finite_hertz, in_full
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.units import Units, finite_hertz, hertz, in_full
 from vctune.model.parts import Unmodelled
+from vctune.model.problem import Problem
+from vctune.model.servo import numbers_to_state
 from vctune.model.worlds import OVER_LIMIT, World, Worlds
+from vctune.proof.claims.any_hand import ANY_HAND
 from vctune.proof.claims.claim import ClaimId
-from vctune.proof.claims.registry import claims_about
-from vctune.proof.outcome import Outcome, Verdict, enclosed
+from vctune.proof.claims.registry import BEFORE_WALL, CLAIMS, IN_HANDS
+from vctune.proof.claims.walls import WALLS
+from vctune.proof.outcome import Outcome
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
-
-GRAMS = 0.1  # Mass below which a tool is weighed in grams, kg
 
 
 class PerturbationRecord(RecordPart):
@@ -221,119 +215,100 @@ class WallRecord(RecordPart):
         return f"{self.hands(passive, units)}, with its coupling as a wall, at every frequency"
 
 
-class WholeSampleRecord(RecordPart):
-    """The worse verdict of a delay just below a whole number of samples and of this number, where the sensed force
-    jumps. `delay` is the whole number in s."""
-
-    verdict: Annotated[Proof, Shown("either side", "of {samples} T = {delay} s of delay, where the sensed force jumps")]
-    samples: int
-    delay: float
-
-
-class CertificateRecord(DisplayPart):
-    """The claims about a design, and the numbers that describe them."""
-
-    # "proved" if every claim is proved
-    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes"), From(lambda of: of.certificate.verdict.value)]
-    band_hz: Annotated[
-        Pair | None,
-        Shown("band", "Hz; outside it nothing is claimed of the ratio"),
-        From(lambda of: [*map(finite_hertz, of.band)] if of.band else None),
-    ]
-    proved_ratio: Annotated[Nullable, From(lambda of: of.certificate.proved_ratio)]
-    min_ratio: Annotated[
-        Nullable, Shown("{measured}", "at {worst_hz} Hz"), From(lambda of: of.min_ratio, Shown("least Re Z_c / R"))
-    ]
-    worst_hz: Annotated[
-        Nullable, From(lambda of: finite_hertz(of.worst), Shown("where the ratio is least", of="frequency"))
-    ]
-    boxes: Annotated[int, From(lambda of: of.certificate.boxes)]
-    claims: list[ClaimRecord]
-    hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
-    any_hand: AnyHandRecord | None = None
-    wall: WallRecord | None = None
-    whole_sample: WholeSampleRecord | None = None  # verdict beside a delay of a whole number of samples
-    least_hand: Hand | None = None  # what the proof of any passive hand counts on in every hand; null for nothing
-
-    def told(self, row: Row) -> Row:
-        """Return the row of a least ratio with a note if it is an estimate alone."""
-        labels = "unstable at", "least with walls", OVER_LIMIT, f"least {self.coupled} / R"
-        if row.label in labels[:3] and row.value == "none":  # no multiple fails, at no place
-            return Row(row.label, "no limit", "estimated")
-        if row.label not in labels or enclosed(row.value, self.proved_ratio):
-            return row
-        return row._replace(unit=f"{row.unit}; estimated")
-
-    @property
-    def measured(self) -> str:
-        """The name of the least ratio of all claims."""
-        return f"least {self.coupled} / R" if self.hands is None else self.hands.measured
-
-    def passive_hand(self, units: Units) -> str:
-        """Return the hands of a claim about any passive hand in words."""
-        least = self.least_hand
-        return passive_hand(None if least is None else LeastOperator(least.mass, least.damping), units)
-
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, including the rows of unproved claims and, if there is a band, the rows of the band."""
-        shown = list(super().rows(units))
-        parts = [part for part in (self.any_hand, self.hands, self.wall) if part is not None]
-        first = shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
-        yield from map(self.told, [*first, *(row for part in parts for row in part.rows(units))])
-        yield from self.whole_sample.rows(units) if self.whole_sample else ()
-        for claim in self.claims:
-            yield from claim.rows(units) if claim.verdict != "proved" else ()
+def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
+    """Return the record of each claim."""
+    found = []
+    for claim, outcome in judgement.certificate.outcomes.items():
+        device = None if outcome.device is None else device_record(outcome.device, problem, changed=True)
+        also = {"cut": outcome.cut or None, "witness_device": device, "witness_hand": outcome.hand}
+        said, witness = CLAIMS[claim].said_of(problem.device.kind, problem.passive_hand), finite_hertz(outcome.witness)
+        more: dict[str, Any] = present(also)
+        found.append(ClaimRecord(id=claim, claim=said, verdict=outcome.verdict.value, witness_hz=witness, **more))
+    return found
 
 
-class NyquistRecord(RecordPart):
-    """Nyquist's count for the sampled loop: Z = N + P unstable poles of the closed loop."""
-
-    N: Annotated[int | None, From(lambda of: unstable_poles(of.device, of.gains))]
-    P: Annotated[int, From(lambda of: 0)]
-    Z: Annotated[
-        int | None,
-        Shown("unstable poles", "= N + P: {N} encirclements of -1 and {P} poles of the open loop"),
-        From(lambda of: 0 if of.certificate.outcomes["stable"].verdict is Verdict.PROVED else None),
-    ]
+def present(parts: dict[str, Any]) -> dict[str, Any]:
+    """Return the parts that exist: a record does not write the others."""
+    return {name: part for name, part in parts.items() if part is not None}
 
 
-def _stable(outcomes: Mapping[ClaimId, Outcome]) -> bool | None:
-    """Return whether the loop is proved stable; None if that is undecided."""
-    poles = [outcomes[claim].verdict for claim in claims_about("poles") if claim in outcomes]
-    return False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True
+def display_of(problem: Problem) -> dict[str, Any]:
+    """Return the record of the kind of display; empty for an admittance display."""
+    return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
-def loudest(of: Any) -> float | None:
-    """Return the peak of |S| of the loop that a design closes, its velocity loop or a wall's; None without one."""
-    wall = of.closed_loop
-    return of.peak_sensitivity if of.gains.closed else None if wall is None else wall.peak
+def _claimed(problem: Problem, outcome: Outcome, at: LeastRatio) -> dict[str, Any]:
+    """Return what the records of all claims in hands state."""
+    found = {"verdict": outcome.verdict.value, "boxes": outcome.boxes, **display_of(problem)}
+    return {**found, "min_ratio": at.ratio, "worst_hz": finite_hertz(at.omega)}
 
 
-class InnerLoopRecord(RecordPart):
-    """The sampled velocity loop of a device with a loop of its own. A margin that is infinite is null."""
+def any_hand_record(problem: Problem, judgement: Judgement) -> AnyHandRecord | None:
+    """Return the record of the claim in any passive hand; None if the problem does not make this claim."""
+    if (at := judgement.in_any_hand) is None:
+        return None
+    return AnyHandRecord(**_claimed(problem, judgement.certificate.outcomes[ANY_HAND.id], at))
 
-    stable: Annotated[bool | None, From(lambda of: _stable(of.certificate.outcomes))]
-    spectral_radius: Annotated[
-        Nullable, Shown("spectral radius", "{stability}"), From(lambda of: spectral_radius(of.device, of.gains))
-    ]
-    peak_sensitivity: Annotated[
-        Nullable,
-        Shown("peak |S|", "at {peak_sensitivity_hz} Hz"),
-        From(loudest, Shown("peak |S|")),
-    ]
-    peak_sensitivity_hz: Annotated[Nullable, From(lambda of: finite_hertz(of.worst_sensitivity))]
-    gain_margin_db: Annotated[Nullable, Shown("gain margin", "dB"), From(lambda of: 20 * log10(of.loop_margins.gain))]
-    phase_margin_deg: Annotated[Nullable, Shown("phase margin", "deg"), From(lambda of: degrees(of.loop_margins.phase))]
-    delay_margin_s: Annotated[Nullable, Shown("delay margin", "s"), From(lambda of: of.loop_margins.delay)]
-    nyquist: Annotated[NyquistRecord, From(lambda of: made(NyquistRecord, of))]
 
-    def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, including Nyquist's count."""
-        for row in super().rows(units):
-            yield row if row.value != "none" else row._replace(value="no limit", unit="")
-        yield from self.nyquist.rows(units)
+def hands_record(problem: Problem, judgement: Judgement) -> HandsRecord | None:
+    """Return the record of the claim in a box of hands; None if the problem does not make this claim."""
+    held, hands, worlds = judgement.in_hand, problem.hands, problem.worlds
+    if held is None or held.hand is None or problem.hands_met is None:
+        return None
+    outcomes, also = judgement.certificate.outcomes, dict[str, Any]()
+    if worlds is not None:
+        low, high = asdict(worlds.low), asdict(worlds.high)
+        also["worlds"] = {name: [low[name], high[name]] for name in low}
+    device = held.device if held is judgement.binding else problem.device
+    law, factor = (judgement.gains, judgement.coupling), problem.stability.safety_factor
+    if (
+        not (worlds and worlds.nothing)
+        and (world := binding_world(device, *law, held.hand, held.omega, factor, worlds)) is not None
+    ):
+        also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
+    if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
+        claimed = _claimed(problem, outcomes[WALLS.id], walls) | {"worst_hand": walls.hand}
+        also["walls"] = WallsRecord(**claimed, corner_hz=hertz(corner))
+    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
+    return HandsRecord(**_claimed(problem, outcome, held), **_boxes(hands), worst_hand=held.hand, **also)
 
-    @property
-    def stability(self) -> str:
-        """The verdict on the stability of the loop, in words."""
-        return {True: "stable", False: "unstable", None: "undecided"}[self.stable]
+
+def _boxes(hands: Hands) -> dict[str, Any]:
+    """Return the ends of the ranges of hands, and of the tool that they include."""
+    both = {"box": hands} | ({} if hands.tool is None else {"tool": hands.tool})
+    return {key: {name: list(ends) for name, ends in box.ranges.items()} for key, box in both.items()}
+
+
+def wall_record(problem: Problem, judgement: Judgement) -> WallRecord | None:
+    """Return the record of the coupling as a wall; None if it is none."""
+    if (at := judgement.before_wall) is None:
+        return None
+    outcomes = judgement.certificate.outcomes
+    outcome = next(outcomes[claim] for claim in BEFORE_WALL if claim in outcomes)
+    also: dict[str, Any] = (_boxes(problem.hands) | {"worst_hand": at.hand}) if at.hand else {}
+    loop = judgement.closed_loop
+    return WallRecord(
+        verdict=outcome.verdict.value,
+        min_ratio=at.ratio,
+        worst_hz=finite_hertz(at.omega),
+        peak_sensitivity=loop and loop.peak,
+        peak_sensitivity_hz=loop and hertz(loop.omega),
+        phase_margin_deg=loop and degrees(loop.phase),
+        boxes=outcome.boxes,
+        **also,
+    )
+
+
+def device_record(device: Device, problem: Problem, *, changed: bool = False) -> DeviceRecord:
+    """Return mass, damping and delay of a device, and its other parameters for which the problem states an uncertainty;
+    if `changed`, also those that differ from the problem's."""
+    uncertain = problem.uncertainty.keys if problem.uncertainty is not None else ()
+    known, of_problem = numbers_to_state(device), numbers_to_state(problem.device)
+    stated = {*uncertain, *(key for key in known if changed and known[key] != of_problem[key])}
+    others = {key: number for key, number in known.items() if "." in key and key in stated}
+    found: dict[str, Any] = {"parts": others} if others else {}
+    if device.unmodelled is not None and device.unmodelled.share > 0:
+        share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
+        found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
+    own = {key: known[key] for key in ("mass", "damping", "delay") if key in known}
+    return DeviceRecord(**own, **found)

@@ -1,4 +1,4 @@
-"""Define the lines of rows.jsonl, and how tables show their numbers."""
+"""The lines of rows.jsonl, and how tables show their numbers."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
-from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
+from vctune.design.records.certificate import CertificateRecord, InnerLoopRecord
+from vctune.design.records.felt import FeltRecord
+from vctune.design.records.rest import ChatterColumns
+from vctune.design.records.shake import ShakeColumns
 from vctune.document.records.part import Document, From, Nullable, RecordPart, how_shown, marks
-from vctune.document.records.shake_json import ShakeColumns
 from vctune.model.fields import Shown
 from vctune.model.numbers.units import SYMBOLS
 
@@ -20,18 +22,6 @@ class RowsHeader(Document):
 
     study: str
     axes: list[str]
-
-
-class FeltRecord(RecordPart):
-    """How a design feels, in physical units (`vctune.analysis.feel`); null without a design, or if it does not exist,
-    for example above Nyquist."""
-
-    felt_mass_1hz: Annotated[Nullable, Shown("mass felt at 1 Hz", of="mass")]
-    felt_mass_10hz: Annotated[Nullable, Shown("mass felt at 10 Hz", of="mass")]
-    felt_damping_1hz: Annotated[Nullable, Shown("damping felt at 1 Hz", of="damping")]
-    felt_damping_10hz: Annotated[Nullable, Shown("damping felt at 10 Hz", of="damping")]
-    stiffest_wall: Annotated[Nullable, Shown("|force/motion| of a rigid wall, at 10 Hz", of="stiffness")]
-    tracking_bandwidth_hz: Annotated[Nullable, Shown("bandwidth of tracking", of="frequency")]
 
 
 class RowYardstickRecord(RecordPart):
@@ -64,6 +54,8 @@ FROM_VERDICT = {
     for name, mark in marks(part, From).items()
     if mark.column
 }
+
+
 _verdict_columns: Any = {name: (Annotated[Nullable, mark.column], ...) for name, mark in FROM_VERDICT.items()}
 VerdictRecord: Any = create_model(
     "VerdictRecord",
@@ -77,14 +69,6 @@ class BandRecord(RecordPart):
     """The band of Llewellyn's conditions."""
 
     stability_high_hz: Annotated[Nullable, Shown("upper edge of the stability band, if required", of="frequency")]
-
-
-class ChatterColumns(RecordPart):
-    """What a device does at rest, only if it states the step q of its encoder; null if the friction is not known."""
-
-    rest_ratio: Annotated[Nullable, Shown("2 f/(k q), rests from 1 on")] = None
-    chatter_m: Annotated[Nullable, Shown("chatter of the handle, at most", of="position")] = None
-    chatter_N: Annotated[Nullable, Shown("chatter of the motor's force, at most", of="force")] = None
 
 
 ROW_PARTS = (NumbersRecord, VerdictRecord, BandRecord, FeltRecord, ChatterColumns, ShakeColumns, RowYardstickRecord)

@@ -1,0 +1,71 @@
+"""Warnings about a design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+from typing import Any
+
+from vctune.design.judging.judge import Judgement
+from vctune.design.records.felt import first_command
+from vctune.design.variables import keys_for, near, point, ranges
+from vctune.document.text.errors import Note
+from vctune.model.gains import series_coupling
+from vctune.model.problem import Problem
+from vctune.model.rest import greatest_at_rest, stiffness_read
+
+
+def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
+    """Return the dotted keys of the free variables that lie on a bound, with the side."""
+    values, found = point(judgement.gains, judgement.coupling), list[tuple[str, str]]()
+    for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
+        sides = () if bounds.fixed else (("upper", bounds.max), ("lower", bounds.min))
+        found += [(key, side) for side, edge in sides if near(value, edge, bounds)]
+    return found
+
+
+def at_greatest_rest(problem: Problem, judgement: Judgement, key: str) -> bool:
+    """Return whether the demand of rest limits a design, and not a bound of the file."""
+    stiff = key in ("coupling.stiffness", "gains.position")
+    greatest = greatest_at_rest(problem.device) if problem.stability.rest and stiff else None
+    return greatest is not None and stiffness_read(judgement.gains, judgement.coupling) == greatest
+
+
+def warnings(problem: Problem, judgement: Judgement) -> list[Note]:
+    """Return warnings about a design."""
+    return [Note(code, said) for code, said in _warned(problem, judgement)]
+
+
+def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]:
+    for key, side in touched(problem, judgement):
+        of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0
+        at_rest = side == "upper" and at_greatest_rest(problem, judgement, key)
+        if not at_rest and not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
+            yield "warn-bound", f"{key} is on its {side} bound; the bound, not the device, limits the design there"
+    band, demand = problem.stability.band, problem.stability.safety_factor
+    # only Llewellyn's claim has a band, whose edge does not matter if a claim in hands covers every frequency
+    edged = problem.hands_met is None and problem.device.kind.banded
+    if edged and demand <= judgement.min_ratio < demand * 1.001:
+        for side, edge in (("lower", band.min), ("upper", band.max)):
+            if judgement.worst == edge and 0 < edge < problem.nyquist:
+                yield (
+                    "warn-band-edge",
+                    f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
+                    "outside the band a passive hand or environment can make it oscillate",
+                )
+    servo = problem.device.servo
+    if servo is not None and servo.max_acceleration is not None:
+        _, acceleration = first_command(problem.device, series_coupling(judgement.coupling))
+        if acceleration > servo.max_acceleration:
+            units = problem.units
+            yield (
+                "warn-acceleration",
+                f"1 {units.force} from rest commands {acceleration:.3g} {units.acceleration} in its first sample, more "
+                f"than device.servo.max_acceleration = {servo.max_acceleration:g}; more coupling.mass commands less",
+            )
+    if judgement.idle:
+        yield (
+            "warn-idle",
+            f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
+            "and 1 means no loop at all; a constraint that can be relaxed, a wider bound or a faster device may help",
+        )
