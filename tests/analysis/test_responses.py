@@ -67,6 +67,7 @@ def test_python_control_is_told_names_and_frequencies():
     data = loop.Z_c.at(np.array([10.0, 20.0, 30.0, 40.0, 50.0])).to_control()
     assert isinstance(data, control.FrequencyResponseData) and data.dt == 1e-3
     assert data.frdata.ravel() == pytest.approx(loop.Z_c.at(data.omega).values, rel=1e-15)
+    assert loop.Z_c.at(hz=data.omega / (2 * pi)).values == pytest.approx(data.frdata.ravel(), rel=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import doctest
 import inspect
 import json
 import pkgutil
+import re
 import subprocess
 import sys
 import tomllib
@@ -319,6 +320,19 @@ def test_a_comparison_shows_what_differs(solved, wheel):
         assert values["transparency.error"][side] == design.judgement.error
         assert values["certificate.min_ratio"][side] == design.judgement.min_ratio
     assert json.loads(json.dumps(found.to_json(), allow_nan=False))["problem"] == found.problem
+
+
+def test_the_command_shows_every_row_of_both_designs(solved, wheel, tmp_path):
+    """A row that one of them has not is empty; what differs in the problems stands first."""
+    design, file = vctune.write_design(wheel, solved, tmp_path), tmp_path / "other.toml"
+    file.write_text(toml_text({**WHEEL, "device": {**WHEEL["device"], "mass": 0.5}}))
+    done = run("compare", design, file, cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == ""
+    assert re.search(r"^device\.mass +0\.4 +0\.5$", done.stdout, re.MULTILINE)
+    found = json.loads(run("compare", design, file, "--json", cwd=tmp_path).stdout)
+    assert found["problem"][0] == {"key": "device.mass", "a": 0.4, "b": 0.5}
+    shown = by_key(found["design"])["gains.velocity"]
+    assert all(f"{shown[side]:.8g} N s/m" in done.stdout for side in "ab")
 
 
 @pytest.mark.slow

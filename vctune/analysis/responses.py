@@ -70,9 +70,12 @@ class Transfer:
     device: Device = field(repr=False)  # device of the loop, with plain numbers
     response: Callable[[Floats], Complex] = field(repr=False)  # values at angles theta = omega T
 
-    def at(self, omega: Floats | None = None) -> Response:
-        """Return the values at frequencies, rad/s; by default at those of the report's figures, up to Nyquist."""
-        grid = up_to_nyquist(self.device) if omega is None else np.atleast_1d(np.asarray(omega, float))
+    def at(self, omega: Floats | None = None, *, hz: Floats | float | None = None) -> Response:
+        """Return the values at frequencies, in rad/s or in hertz; by default at those of the report's figures, up to
+        Nyquist."""
+        grid = up_to_nyquist(self.device)
+        if omega is not None or hz is not None:
+            grid = np.atleast_1d(np.asarray(omega if hz is None else 2 * pi * np.asarray(hz), float))
         T = float(self.device.sample_time)
         values = np.asarray(self.response(grid * T) + 0 * grid, np.complex128)
         return Response(self.symbol, grid, values, self.unit, T)

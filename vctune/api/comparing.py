@@ -1,20 +1,23 @@
-"""Provide `compare`: two designs side by side."""
+"""Provide `vctune compare` as a function: two designs side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from vctune.api.result import Printed, Table
 from vctune.api.solving import known_record, solve
 from vctune.design.records.design import DesignRecord, record_of
 from vctune.design.search.optimum import Progress
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import on_yardstick, parse_problem, problem_at
+from vctune.document.records.part import Row, text
 from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.json import printed
+from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
 
 COMPARED = {"status", "idle", "reason", *DesignRecord.GROUPS}  # Keys of design.json that are compared
@@ -28,10 +31,36 @@ class Comparison:
 
     problem: list[Record]  # keys of the problem file in which they differ
     design: list[Record]  # keys of design.json, equal or not
+    a: DesignRecord = field(repr=False)
+    b: DesignRecord = field(repr=False)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """Zero: a difference is no failure."""
+        return ExitCode.OK
 
     def to_json(self) -> Record:
         """Return the object for JSON."""
-        return printed("comparison", **asdict(self))
+        return printed("comparison", problem=self.problem, design=self.design)
+
+    def rows(self) -> Printed:
+        """Yield the keys of the problem that differ, and each number of the designs, as tables."""
+        names = tuple(record.problem.name for record in (self.a, self.b))
+        if self.problem:
+            rows = [(row["key"], *(_in_file(row[side]) for side in "ab")) for row in self.problem]
+            yield Table(rows, ("in the problem", *names), (1, 2))
+        one, other = ({"": [Row("status", each.status, "")], **each.groups()} for each in (self.a, self.b))
+        rows = list[tuple[str, ...]]()
+        for title in one | other:
+            shown, beside = (
+                {row.label: f"{row.value} {row.unit}".strip() for row in of.get(title, ())} for of in (one, other)
+            )
+            labels = list(shown | beside)
+            rows += [
+                (title if label == labels[0] else "", label, shown.get(label, ""), beside.get(label, ""))
+                for label in labels
+            ]
+        yield Table(rows, ("", "", *names))
 
 
 def compare(
@@ -66,7 +95,7 @@ def compare(
     other, changed = _designed(b, problem, progress)
     stated = (statement(replace(each, name="", description="", experiments=())) for each in (problem, changed))
     designs = (record.model_dump(mode="json", include=COMPARED) for record in (one, other))
-    return Comparison([each for each in _beside(*stated) if each["a"] != each["b"]], _beside(*designs))
+    return Comparison([each for each in _beside(*stated) if each["a"] != each["b"]], _beside(*designs), one, other)
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
@@ -79,6 +108,12 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
         posed, _ = problem_at(on_yardstick(file.document, base), file.problem.name)
         file = file if posed is None else replace(file, problem=posed)
     return record_of(file, solve(file, progress=progress)), file.problem
+
+
+def _in_file(value: Any) -> str:
+    """Return a value of a problem file as text; "" for one that the file has not."""
+    value = [value["min"], value["max"]] if isinstance(value, dict) and value.keys() == {"min", "max"} else value
+    return "" if value is None else text(value, 9)
 
 
 def _beside(a: Record, b: Record) -> list[Record]:

@@ -16,7 +16,7 @@ EPILOG = (
     "3 undecided, 4 internal error, 130 interrupted (SIGINT or SIGTERM)."
 )
 COMMANDS = (
-    "bench", "bound", "check", "example", "explain", "export", "identify", "region", "report",
+    "bench", "bound", "check", "compare", "example", "explain", "export", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
 )  # fmt: skip
 
