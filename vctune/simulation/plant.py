@@ -24,7 +24,8 @@ GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`."""
+    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`; of several hands,
+    every array has them as its last axis."""
 
     states: tuple[str, ...]  # names of the states: position and velocity of the motor first
     rates: Floats  # shape (n, n) for n states and given inputs
@@ -45,7 +46,8 @@ RowOf = dict[str, Floats]  # row of each state and given input, by name
 
 
 def plant(device: Device, hand: MovingHand) -> Plant:
-    """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo."""
+    """Return device and hand: a motor that carries the handle rigidly or on a spring, or a servo. The numbers of the
+    hand are floats, or arrays of several hands."""
     servo, sensor, T = device.servo, device.sensing, device.sample_time
     if servo is None:
         of = chain(device, FLOATS)._replace(sensed=MOTOR)  # friction acts on the motor
@@ -55,6 +57,8 @@ def plant(device: Device, hand: MovingHand) -> Plant:
     states += ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
     names = (*states, *GIVEN)
     row_of = dict(zip(names, np.eye(len(names)), strict=True))
+    if hands := np.shape(hand.mass):
+        row_of = {name: np.repeat(row[:, None], hands[0], axis=1) for name, row in row_of.items()}
     rates = {"position": row_of["velocity"], **{name: row_of[rate] for name, rate in pairwise(GIVEN[2:])}}
     units = {"position": 1.0, "velocity": 1 / T, "velocity_rate": 1 / T}
     if servo is None:
@@ -63,15 +67,16 @@ def plant(device: Device, hand: MovingHand) -> Plant:
         units |= dict.fromkeys(of.velocities, 1 / T) | _bend_units(of, hand, T)
     else:
         position, velocity, force = _followed(servo.bandwidth(FLOATS), servo.order, hand, row_of, rates)
-        force_unit = (hand.mass / T**2 + hand.damping / T + hand.stiffness) or 1.0
+        force_unit = hand.mass / T**2 + hand.damping / T + hand.stiffness
+        force_unit = force_unit + (force_unit == 0)
         units["command"] = 1 / T
     if sensor.bandwidth_hz is not None:
         rates |= _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, row_of)
     units |= {f"push_{k}": force_unit / T**k for k in (1, 2, 3)}
     return Plant(
         states=tuple(states),
-        rates=np.array([rates.get(name, np.zeros(len(names))) for name in names]),
-        units=np.array([units.get(name, force_unit) for name in names]),
+        rates=np.array([rates.get(name, np.zeros((len(names), *hands))) for name in names]),
+        units=np.array([np.broadcast_to(units.get(name, force_unit), hands) for name in names]),
         position=position,
         velocity=velocity,
         force=force,

@@ -99,16 +99,16 @@ def _steps_in(scene: Scene, friction: Friction, length: float) -> int:
 
 def together(scene: Scene, hands: Sequence[Hand]) -> Together:
     """Return a scene, whose own hand does not count, in several hands."""
-    plants = [plant(scene.device, held_by(hand)) for hand in hands]
-    c = controller_of(scene.law)
-    rates, units = (np.stack([getattr(p, name) for p in plants]) for name in ("rates", "units"))
-    scaled = rates * units[:, None] / units[:, :, None]
+    mass, damping, stiffness = np.array([(hand.mass, hand.damping, hand.stiffness) for hand in hands]).T
+    held = replace(held_by(hands[0]), mass=mass, damping=damping, stiffness=stiffness)
+    moving, c = plant(scene.device, held), controller_of(scene.law)
+    units = moving.units.T
+    scaled = np.moveaxis(moving.rates, -1, 0) * units[:, None] / units[:, :, None]
     changes = list[Floats]()
     for begin, end in timing(scene.device).intervals(scene.device.sample_time):
         step = end - begin if scene.friction is None else (end - begin) / _steps_in(scene, scene.friction, end - begin)
         change = (exponentials(scaled * step) - np.eye(scaled.shape[-1])) / units[:, None] * units[:, :, None]
         changes.append(np.moveaxis(change, 0, -1))
-    moving = _with_rows(plants[0], lambda name: np.stack([getattr(p, name) for p in plants], axis=-1))
     return Together(scene, moving, (c, at_rest(c, 0.0, 0.0)), tuple(changes))
 
 
