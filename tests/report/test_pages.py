@@ -6,7 +6,7 @@ import re
 from functools import cache
 
 import pytest
-from conftest import DEVICE, FIXED, mostly_slow
+from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, mostly_slow
 from pages import PARTS, SERVO, chromium, made, needs_chromium, opened, recorded
 from servo_logs import servo_case
 
@@ -152,6 +152,57 @@ def test_on_a_telephone(browser, paths, name):
         " parseFloat(getComputedStyle(each).fontSize) * Math.hypot(each.getScreenCTM().a, each.getScreenCTM().b))"
     )
     assert min(heights, default=6.0) >= 6.0
+
+
+BOXES = """() => {
+  document.querySelectorAll("details").forEach((each) => (each.open = true));
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = new Map();
+  for (let node; (node = walker.nextNode()); ) {
+    const parent = node.parentElement, words = parent.closest("text");
+    if (!node.textContent.trim() || parent.closest("script, style") || !parent.checkVisibility()) continue;
+    if (words && +getComputedStyle(words).opacity < 1) continue; // stamps, which lie over a figure
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const boxes = words ? [words.getBoundingClientRect()] : [...range.getClientRects()];
+    const frame = words ? words.closest("svg").getBoundingClientRect() : { left: 0, right: innerWidth };
+    found.set(words || node, boxes.filter((box) => box.width > 1).map((box) =>
+      [(words || node).textContent.trim(), box.left, box.top, box.right, box.bottom, frame.left, frame.right]));
+  }
+  return [...found.values()].flat();
+}"""
+"""The box of each visible text, or of each line of it, with the left and right ends of its figure or of the page."""
+COVERED = 0.35
+"""Share of a line's height by which a subscript, or the line below, may reach into it."""
+
+
+def covered(boxes):
+    """Return the texts that lie over another one, or leave their figure."""
+    found, below = [], sorted(boxes, key=lambda box: box[2])
+    for k, (text, left, top, right, bottom, first, last) in enumerate(below):
+        if left < first - 1 or right > last + 1:
+            found.append((text, "leaves its figure"))
+        for other, x, y, end, low, *_ in below[k + 1 :]:
+            if y > bottom:
+                break
+            least = COVERED * min(bottom - top, low - y)
+            if min(right, end) - max(left, x) > 1.5 and min(bottom, low) - max(top, y) > least:
+                found.append((text, other))
+    return found
+
+
+SHIPPED = {path.relative_to(ROOT / "problems").as_posix(): path for path in PROBLEM_FILES}
+
+
+@pytest.mark.parametrize("name", mostly_slow(SHIPPED, ["wall.toml"]))
+def test_no_text_lies_over_another(browser, tmp_path, name):
+    """On a telephone, a desk and a wide screen, with all details open; nothing but the problem file is wider."""
+    path = made(recorded(SHIPPED[name].read_text(), prices=True), tmp_path)
+    for width in (400, 1280, 1920):
+        page = opened(browser, path, viewport={"width": width, "height": 900})
+        boxes = page.evaluate(BOXES)
+        assert covered([box for box in boxes if "\n" not in box[0]]) == [], width
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+        page.close()
 
 
 @pytest.mark.parametrize("name", mostly_slow(("default", "every hand, held", "servo"), ["servo"]))

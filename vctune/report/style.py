@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape, unescape
 from io import BytesIO, StringIO
-from math import ceil, floor, inf, isclose, isfinite, log10, pi
+from math import ceil, floor, inf, isclose, isfinite, log10, pi, sqrt
 from typing import Any, NamedTuple, cast
 
 from matplotlib import rc_context
@@ -26,9 +26,10 @@ INK, PAPER = "#010203", "#fefdfc"  # A page replaces both by its own text and gr
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
 PURPLE = "#8d5bc4"
 WIDTH = 4.2  # Width of a figure of a page, inches
+TENTHS = 1e-4  # Least number at a tick that is a plain decimal, unless it is a power of ten
 # Room beside a y axis with its label, of its ticks alone, beside the last tick of an x axis, below it, between rows
 # that share it, and of a title or a row of a legend, inches
-BESIDE, TICKS, END, BELOW, BETWEEN, ROW = 0.68, 0.48, 0.12, 0.42, 0.1, 0.17
+BESIDE, TICKS, END, BELOW, BETWEEN, ROW = 0.68, 0.44, 0.2, 0.42, 0.1, 0.17
 STYLE: Any = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 150,  # of what an SVG file shows as a bitmap
@@ -130,7 +131,9 @@ def power_of_ten(exponent: int) -> str:
 def tick(value: float, _place: float = 0, digits: int = DIGITS) -> str:
     """Return the text at a tick of an axis. Very large and very small powers of ten are written as powers."""
     power = round(log10(value)) if value > 0 else 0
-    return power_of_ten(power) if not -3 < power < 4 and isclose(value, 10.0**power) else _number(value, 0, digits)
+    if not -3 < power < 4 and isclose(value, 10.0**power):
+        return power_of_ten(power)
+    return f"{value:.{digits}g}" if TENTHS <= value < 1e-3 else _number(value, 0, digits)
 
 
 def text_of_ticks(values: Sequence[float]) -> list[str]:
@@ -161,8 +164,12 @@ def log_ticks(low: float, high: float) -> LogLocator:
 
 
 def logarithmic(axes: Axes, which: str = "y") -> None:
-    """Make the axis x or y logarithmic, with plain decimals."""
+    """Make the axis x or y logarithmic, with plain decimals; y spans a decade at least, so that its ticks differ."""
     axes.set(**{f"{which}scale": "log"})
+    if which == "y":
+        low, high = axes.get_ylim()
+        wider = max(sqrt(10 * low / high), 1.0)
+        axes.set_ylim(low / wider, high * wider)
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_locator(log_ticks(*axis.get_view_interval()))
     axis.set_major_formatter(tick)
@@ -196,6 +203,7 @@ def place(figure: Figure, panels: Sequence[Sequence[Axes]], shares: Sequence[flo
         for column, axes in enumerate(row):
             left = BESIDE + column * (wide + END + TICKS)
             axes.set_position((left / width, (top - high) / height, wide / width, high / height))
+            axes.yaxis.set_label_coords((0.19 - BESIDE) / wide, 0.5)
         top -= high + BETWEEN
 
 
@@ -210,6 +218,7 @@ def picture(figure: Figure, name: str, kind: FigureKind) -> str | bytes:
     """Return a figure that stands alone as SVG text, or as the bytes of a PDF or PNG file. Its symbols are placed by
     Matplotlib, as not every program centres texts with subscripts."""
     check_time()
+    figure.set_facecolor("white")
     for text in figure.findobj(Text):
         text.set_text(SYMBOL.sub(r"$\1_{\\mathrm{\2}}$", plain(text.get_text())))
     if kind == "svg":

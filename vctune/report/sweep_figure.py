@@ -10,20 +10,25 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import NullLocator
 
 from vctune.analysis.extrema import Floats
+from vctune.model.display import Display
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.parts import PART_NUMBERS
-from vctune.report.style import BLUE, GREEN, INK, ORANGE, RED, STYLE, logarithmic, text_of_ticks
-from vctune.study.row_record import SHOWN_COLUMNS
+from vctune.report.style import BLUE, GREEN, INK, ORANGE, PAPER, RED, STYLE, logarithmic, text_of_ticks
+from vctune.study.row_record import COLUMN_OF_KEY, SHOWN_COLUMNS
 from vctune.study.study_table import Table
 
 SIZE = 3.5, 2.9  # Width of a column of a paper, and height, inches
 WIDE = 10.0  # Numbers that span more than this ratio have a logarithmic axis
 COLOURS = "viridis_r"  # as light as it is small, also in grey
-FEW = 5  # Greatest number of values of an axis of which each gets a line
+FEW = 4  # Greatest number of values of an axis of which each gets a line
 LINES = tuple(zip((INK, BLUE, ORANGE, GREEN, RED), ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1))), strict=True))
 MANY = 40  # Number of points above which markers are small
+APART = 0.1  # Least distance of two values, as a share of the axis, at which each of them has a tick
+LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)  # Quantiles of a column at which it has contours
 UNEVEN = 0.4  # Relative deviation of the steps of an axis from which its values are evenly spaced categories of cells
 MOST = 20  # Greatest number of categories
 EDGES = {0: "lower", 1: "upper"}
@@ -61,9 +66,11 @@ class _Axis:
         axes.set(**{f"{which}label": self.label})
         if self.scale == "log":
             logarithmic(axes, which)
-        elif self.scale == "categories":
-            steps = self.steps
-            axes.set(**{f"{which}ticks": range(steps.size), f"{which}ticklabels": text_of_ticks(steps.tolist())})
+        at = np.log(self.steps) if self.scale == "log" else np.unique(self.places)
+        if self.scale == "categories" or np.diff(at).min() >= APART * np.ptp(at):
+            ticks: Any = np.unique(self.places)
+            axes.set(**{f"{which}ticks": ticks, f"{which}ticklabels": text_of_ticks(self.steps.tolist())})
+            (axes.xaxis if which == "x" else axes.yaxis).set_minor_locator(NullLocator())
 
 
 def sweep_figure(table: Table, column: str = "error", *, grid: bool) -> Figure | None:
@@ -73,10 +80,14 @@ def sweep_figure(table: Table, column: str = "error", *, grid: bool) -> Figure |
     if len(varied) not in (1, 2):
         return None
     lines = len(varied) == 1 or (grid and min(np.unique(values).size for values in varied.values()) <= FEW)
-    axes_of = [_axis(key, values, table.units.get(key, ""), cells=grid and not lines) for key, values in varied.items()]
+    axes_of = [
+        _axis(_named(key, table.kind), values, table.units.get(key, ""), cells=grid and not lines)
+        for key, values in varied.items()
+    ]
     certified, shown = table.certified[finite], SHOWN_COLUMNS[column]
     found = np.where(certified, table.numbers[column][finite], np.nan)
-    name = _with_unit(shown.label, table.units.get(column, ""))
+    symbol = {COLUMN_OF_KEY[key]: table.kind.symbol(key) for key in SYMBOLS}.get(column, shown.label)
+    name = _with_unit(symbol, table.units.get(column, ""))
     along, *others = sorted(axes_of, key=lambda axis: axis.steps.size > FEW, reverse=True)
     with rc_context(STYLE | {"font.size": 8, "legend.fontsize": 7}):
         figure = Figure(figsize=SIZE)
@@ -100,7 +111,7 @@ def sweep_figure(table: Table, column: str = "error", *, grid: bool) -> Figure |
     return figure
 
 
-def _axis(key: str, values: Floats, unit: str, *, cells: bool) -> _Axis:
+def _axis(name: str, values: Floats, unit: str, *, cells: bool) -> _Axis:
     if unit == "s" and np.abs(values).max() < 1:
         values, unit = 1e3 * values, "ms"
     steps = np.unique(values)
@@ -109,11 +120,11 @@ def _axis(key: str, values: Floats, unit: str, *, cells: bool) -> _Axis:
         scales.append((_uneven(np.log(steps)), "log"))
     uneven, scale = min(scales)
     if cells and uneven > UNEVEN and steps.size <= MOST:
-        return _Axis(_with_unit(_named(key), unit), values, "categories")
-    return _Axis(_with_unit(_named(key), unit), values, scale)
+        return _Axis(_with_unit(name, unit), values, "categories")
+    return _Axis(_with_unit(name, unit), values, scale)
 
 
-def _named(key: str) -> str:
+def _named(key: str, kind: Display) -> str:
     """Return the name of an axis in words."""
     table, _, name = key.partition(".")
     end = {"max": "greatest ", "min": "least "}.get(name.rpartition(".")[2], "")
@@ -121,7 +132,7 @@ def _named(key: str) -> str:
     if name.startswith("band_hz"):
         return f"{EDGES[int(name[-2])]} edge of the {table} band"
     if f"{table}.{name}" in SYMBOLS:
-        return f"{end}{SYMBOLS[f'{table}.{name}']}"
+        return f"{end}{kind.symbol(f'{table}.{name}')}"
     if table == "device" and name in PART_NUMBERS:
         return PART_NUMBERS[name].label
     words = name.removesuffix("_hz").replace("_", " ").replace(".", " ")
@@ -172,6 +183,12 @@ def _map(figure: Figure, axes: Axes, of: list[_Axis], found: Floats, name: str, 
         cells[j, i] = found
         drawn: Any = axes.pcolormesh(x.edges, y.edges, np.ma.masked_invalid(cells), rasterized=True, **colours)
         axes.grid(visible=False)
+        if min(cells.shape) > FEW and sizes.size:
+            levels = sorted({float(f"{level:.2g}") for level in np.quantile(sizes, LEVELS)})
+            places = (np.unique(axis.places) for axis in of)
+            lines = axes.contour(*places, np.ma.masked_invalid(cells), levels=levels, colors=INK, linewidths=0.7)
+            for text in axes.clabel(lines, fmt="%g", fontsize=7):
+                text.set_path_effects([withStroke(linewidth=1.5, foreground=PAPER)])
     else:
         certified = np.isfinite(found)
         drawn = axes.scatter(x.places[certified], y.places[certified], c=sizes, s=12, **colours)

@@ -94,7 +94,7 @@ def _demands(problem: Problem) -> list[Line]:
     limited = kind.ratio if problem.worlds is None else OVER_LIMIT
     limited = "multiple of the wall that is stable" if problem.rigid else limited
     lines = [Line(limited, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
-    if kind.own_loop:
+    if kind.own_loop and not problem.rigid:  # a wall closes no velocity loop
         most = f"≤ {stable.max_sensitivity:g}"
         lines.append(Line("|S| of the sampled loop", most, "", "up to the Nyquist frequency"))
     if problem.passive:

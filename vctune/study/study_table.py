@@ -21,7 +21,7 @@ from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study, number_keys
 from vctune.document.text.json import printed
 from vctune.document.text.toml import value_at
-from vctune.model.display import stated_display
+from vctune.model.display import ADMITTANCE, STEPPED, Display, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.row_record import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, SHOWN_COLUMNS
 from vctune.study.rows import StudyRows
@@ -100,6 +100,7 @@ class Table:
     reason: list[str]
     numbers: dict[str, Floats]
     system: UnitSystem = "linear"  # the problem's system of units
+    kind: Display = ADMITTANCE
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -163,6 +164,7 @@ def table_of(study: Study, rows: StudyRows, keys: list[str]) -> Table:
             for name in number_columns(study)
         },
         device.get("units") or "linear",
+        STEPPED if value_at(study.document, ("coupling", "rule")) == "euler" else stated_display(device),
     )
 
 
