@@ -454,3 +454,15 @@ def _motion(loop: Loop, z: Any) -> Any:
 def turn(loop: Loop, theta: Any) -> Any:
     """Return z = e^{j theta}; an array of angles in doubles, a number in the loop's arithmetic."""
     return np.exp(1j * theta) if np.ndim(theta) else loop.num.exp(loop.num.i * loop.num.number(theta))
+
+
+def slowest(loop: Loop, *, at_rest: bool) -> tuple[float, float, float]:
+    """Return damping ratio, frequency and time constant of the least damped oscillation of one loop."""
+    z = np.linalg.eigvals(matrix(loop, at_rest=at_rest).astype(float)).astype(complex)
+    s = np.log(z[(np.abs(z) > 1e-3) & (np.abs(z - 1) > 1e-5)]) / loop.T
+    s = s[np.abs(s.imag) > 2 * math.pi * 0.1]
+    if not s.size:
+        return math.inf, 0.0, math.inf
+    ratio = -s.real / np.abs(s)
+    k = int(np.argmin(ratio))
+    return float(ratio[k]), abs(s[k].imag) / (2 * math.pi), float(-1 / s[k].real)

@@ -21,7 +21,7 @@ import numpy as np
 from arithmetic import DIGITS, DOUBLES
 from draws import NUMBERS, angles, ends_of, with_numbers
 from kinds import Box, OnBand, damping_asked, frequencies, need_of, peak
-from loop import NOTHING, Loop, Memory, matrix, offered, radius, seen, sensitivity, step, turn
+from loop import NOTHING, Loop, Memory, matrix, offered, radius, seen, sensitivity, slowest, step, turn
 from pushed_handle import Stepped
 from scipy import signal
 from scipy.optimize import brentq
@@ -938,18 +938,6 @@ def chatter(reading: str, k: int) -> Callable[[Case, Part], Any]:
     return oracle
 
 
-def slowest(loop: Loop, *, at_rest: bool) -> tuple[float, float, float]:
-    """Return damping ratio, frequency and time constant of the least damped oscillation of one loop."""
-    z = np.linalg.eigvals(matrix(loop, at_rest=at_rest).astype(float)).astype(complex)
-    s = np.log(z[(np.abs(z) > 1e-3) & (np.abs(z - 1) > 1e-5)]) / loop.T
-    s = s[np.abs(s.imag) > 2 * pi * 0.1]
-    if not s.size:
-        return inf, 0.0, inf
-    ratio = -s.real / np.abs(s)
-    k = int(np.argmin(ratio))
-    return float(ratio[k]), abs(s[k].imag) / (2 * pi), float(-1 / s[k].real)
-
-
 def unfiltered(loop: Loop, used: bool) -> Loop:
     """Return the loop without the filters of a velocity that nothing uses: they ring unheard."""
     kept = {key: value for key, value in loop.device.get("velocity", {}).items() if key == "from"}
@@ -1516,6 +1504,7 @@ DESIGN: dict[str, Oracle] = {
     "rest.settles": settles,
     **_chatter("rest.encoder", "encoder"),
     **_chatter("rest.force_sensor", "force sensor"),
+    "certificate.damping_ratio": lambda case, _: case.tables["stability"]["damping_ratio"],
     "ringing.damping_ratio": ringing(0),
     "ringing.frequency_hz": ringing(1),
     "ringing.time_constant_s": ringing(2),

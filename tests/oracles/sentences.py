@@ -47,7 +47,7 @@ from draws import (
     with_numbers,
 )
 from frequency import firmware
-from loop import Loop, matrix, offered, radius, seen, sensitivity, turn
+from loop import Loop, matrix, offered, radius, seen, sensitivity, slowest, turn
 
 GROWS, SIMPLE = 1 + 1e-8, 1 + 1e-11
 """Greatest eigenvalue that may be a double or a simple pole on the circle, rounded."""
@@ -312,6 +312,42 @@ class Drawn:
         return Sentence("", lambda s: self.tables(limit * s), lambda s, *where: self.at(limit * s, *where), limit)
 
 
+RATIO = 0.35
+"""The damping ratio that is demanded at t = 1; at another it is that over t."""
+
+
+@dataclass(frozen=True)
+class Damped(Drawn):
+    """A loop of which a damping ratio is demanded."""
+
+    def grows(self, t: float, place: Floats) -> bool:
+        n, (low, high) = len(self.keys), ends_of(self.device, self.widths or {})
+        numbers, hand = low + (high - low) * place[:n], _between(self.hands(t), place[n : n + 3])
+        return self.at(t, hand, numbers, place[n + 3 :])
+
+    def at(self, t: float, hand: Any, numbers: Any, where: Any) -> bool:
+        """Return whether a loop in one hand rings with less, before an environment or any corner of them."""
+        if self.world is None:
+            worlds = [np.array([0.0, 1e9 * (self.coupling[0] + self.coupling[1] * self.device["sample_time"]), 0.0])]
+        else:  # at the least damping of the box
+            shares = product((0.0, 1.0), repeat=2) if isinstance(where, float) else [(where[0], where[2])]
+            worlds = [_between(self.world, np.array([mass, 0.0, spring])) for mass, spring in shares]
+        if numbers is None:
+            numbers = sum(ends_of(self.device, self.widths or {})) / 2
+        loops = [loop for world in worlds for loop in self.loops(1.0, hand, numbers, world)]
+        return any(slowest(loop, at_rest=False)[0] < RATIO / t for loop in loops)
+
+    def tables(self, t: float) -> Tables:
+        found = super().tables(1.0)
+        return found | {"stability": found["stability"] | {"damping_ratio": RATIO / t}}
+
+    def at_limit(self, rng: Rng) -> Sentence | None:
+        found = super().at_limit(rng)
+        if found is None or not 0.01 < RATIO / found.limit < 0.6:
+            return None
+        return replace(found, claim="damping_ratio")
+
+
 def _world(rng: Rng, scale: float, T: float, which: str) -> tuple[Floats, Floats]:
     """Return a box of environments; its least damping is a scale of 1 where that is sought."""
     mass, stiff = decimal(scale * T * 10 ** rng.uniform(-1, 1.5)), decimal(scale / T * 10 ** rng.uniform(-3, -0.5))
@@ -380,6 +416,40 @@ def of_servo(
             continue
         drawn = Drawn(device, (0.0, 0.0), coupling, box, number, met, widths, r=decades(rng, -1.5, -0.5) * r)
         if found := drawn.at_limit(rng):
+            return found
+
+
+def damped_servo(rng: Rng, *parts: str, order: int = 1, world: str, uncertain: int = 0) -> Sentence:
+    """A vendor's servo in its hands, of which a damping ratio is demanded."""
+    while True:
+        device = built_servo(rng, *parts, order=order)
+        if not sums_are_clear(device):
+            continue
+        high = 10 ** rng.uniform([-1, 0, 1], [0.7, 1.5, 3.3])
+        box = np.array([*map(decimal, high * rng.choice([0, 0, 0.3], 3))]), np.array([*map(decimal, high)])
+        late_by = device["servo"]["delay"] + 0.2 / device["servo"]["bandwidth_hz"]
+        scale = high[2] * late_by * decades(rng, 0.2, 1.0) + high[1]
+        b_c = inf if world == "nothing" else scale * decades(rng, 0.3, 1.0)
+        coupling = (b_c, decimal(scale * device["sample_time"] * decades(rng, 0.3, 1.5)), decimal(scale))
+        low, most = _world(rng, coupling[2], device["sample_time"], world)
+        if most[0] > 0:
+            low[0] = decimal(0.2 * most[0])
+        widths = widths_of(rng, device, UNCERTAIN, uncertain)
+        if not delays_are_clear(device, widths):
+            continue
+        if found := Damped(device, (0.0, 0.0), coupling, box, world=(low, most), widths=widths).at_limit(rng):
+            return found
+
+
+def damped_wall(rng: Rng, *parts: str) -> Sentence:
+    """A wall of an impedance display in its hands, of which a damping ratio is demanded."""
+    while True:
+        device = dual(rng, *parts)
+        device["delay"] = decimal(device["sample_time"] * late(rng, 2))
+        b_c, k_c = spring_for(rng, device)
+        coupling = (b_c, decimal(k_c * decades(rng, -2.0, 0.0)))
+        box = hands_for(rng, device["mass"], device["sample_time"])
+        if found := Damped(device, (0.0, 0.0), coupling, box, rigid=True).at_limit(rng):
             return found
 
 
@@ -647,4 +717,12 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "wall in hands, handle sensed": lambda rng: display(rng, "springs", "measured", "at handle", rigid=True),
     "display, springs": lambda rng: display(rng, "springs"),
     "wall in hands, springs": lambda rng: display(rng, "springs", "filter", rigid=True),
+    "damped servo": lambda rng: damped_servo(rng, order=2, world="nothing"),
+    "damped servo, position": lambda rng: damped_servo(rng, "position", "low-pass", world="nothing"),
+    "damped servo, spring": lambda rng: damped_servo(rng, "spring", order=2, world="spring"),
+    "damped servo, box of environments": lambda rng: damped_servo(rng, "late sensor", world="box"),
+    "damped servo, uncertain": lambda rng: damped_servo(rng, world="nothing", uncertain=1),
+    "damped wall": damped_wall,
+    "damped wall, parts": lambda rng: damped_wall(rng, "filter", "actuator", "part of a sample"),
+    "damped wall, structure": lambda rng: damped_wall(rng, "structure"),
 }

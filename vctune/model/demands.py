@@ -22,6 +22,7 @@ class Demands:
     hands: Hands | None = None  # box of hands in which the sampled loop must be stable at every frequency
     worlds: Worlds | None = None  # box of environments with which the loop must be stable in these hands
     rigid: bool = False  # whether the environment is rigid, so that the coupling of an impedance display is a wall
+    damping_ratio: float | None = None  # least ratio of every oscillation in these hands; None for none
     rest: bool = False  # whether the device must rest between the steps of its encoder
 
     @property

@@ -53,6 +53,7 @@ NotNegative = Annotated[Any, _number(ge=0, le=MOST), AfterValidator(_zero_or_siz
 # a share is below 1, a portion is above 0 and may be 1; the edge of a band may be inf
 Share = Annotated[Any, _number(ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
 Portion = Annotated[Any, _number(ge=LEAST, le=1)]
+DampingRatio = Annotated[Any, _number(ge=LEAST, le=0.7)]  # below that of a servo and a low-pass of order 2
 Real = Annotated[Any, _number()]
 Edge = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable)]
 NotNegativeOrInf = Annotated[Any, _number(ge=0), AfterValidator(_zero_or_sizeable), AfterValidator(_most_or_inf)]

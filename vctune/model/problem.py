@@ -91,6 +91,7 @@ class Stability:
     max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
     criterion: Criterion = "passive"  # hands that the problem requires
     rest: bool = False  # whether the device must rest between the steps of its encoder (`vctune.model.rest`)
+    damping_ratio: float | None = None  # least ratio of every oscillation in the stated hands; None for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +195,7 @@ class Problem:
             worlds=self.worlds,
             rigid=self.rigid,
             rest=stability.rest,
+            damping_ratio=stability.damping_ratio,
         )
 
     @property

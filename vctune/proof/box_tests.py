@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from vctune.proof import halving
 from vctune.proof.boxes import FREQUENCY, Boxes, Integers, Values, in_chunks
 from vctune.proof.enclosures.intervals import Enclosure, Floats, selected
 from vctune.proof.enclosures.taylor import Taylor, least_over_boxes, stacked, variables
+from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.halving import Guide
 from vctune.proof.prover import Decided, Test, bounded, by_kind, each_column, negative_at
 from vctune.running import check_time
@@ -173,3 +175,90 @@ def _over(margin: Margin, boxes: Boxes, fixed: Values) -> list[Taylor]:
     found = margin(rows[0], boxes.named(rows, fixed))
     numbers = found if isinstance(found, Sequence) else (found,)
     return [number if isinstance(number, Taylor) else stacked([number, rows[0]])[0] for number in numbers]
+
+
+def spans_miss_zero(parts: Callable[[Number, Values], Any], fixed: Values) -> Test:
+    """Return the test that no number of `AtRest.spanned` is 0, nor one of them plus positive multiples of the rays: in
+    some direction all of them are positive.
+
+    Any direction proves; the best one at the middle of a box is taken.
+    """
+
+    def decided(boxes: Boxes) -> Decided:
+        check_time()
+        rows = variables(boxes.rows(), boxes.varied())
+        (fixed_part, spans), rays = parts(rows[0], boxes.named(rows, fixed))
+        rays = [*rays, *(span.of for span in spans if span.high is inf or span.high == inf)]
+        direction = _best_direction(fixed_part, spans, rays, len(boxes))
+
+        def along(number: Any) -> Number:
+            return _number(number.re * direction[0] + number.im * direction[1], rows[0])
+
+        least = along(fixed_part)
+        for span in spans:
+            least = least + _least(along(span.of), span.low, span.high)
+        found = bounded(least, boxes, alone=True)
+        for number in map(along, rays):
+            one = bounded(number, boxes, alone=True)
+            found = _both(found, one)
+        return found
+
+    return decided
+
+
+def _number(number: Any, row: Number) -> Taylor:
+    return number if isinstance(number, Taylor) else stacked([number, row])[0]
+
+
+def _least(x: Taylor, low: Number, high: Number) -> Number:
+    """Return a lower bound of t x for every t between two limits."""
+    if high is inf or high == inf:
+        return x * low
+    half, middle = (high - low) * 0.5, (high + low) * 0.5
+
+    def any_sign() -> Number:
+        return x * middle - TAYLOR.modulus(x, x * 0.0) * half
+
+    return TAYLOR.where_positive(x, lambda: x * low, lambda: TAYLOR.where_positive(-x, lambda: x * high, any_sign))
+
+
+def _both(one: Decided, other: Decided) -> Decided:
+    """Return the result of two tests that must both hold: where the first does, that of the second."""
+    return by_flags(one.proved, other, one)
+
+
+def by_flags(where: Any, yes: Decided, no: Decided) -> Decided:
+    def column(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return np.where(where, columns[0], columns[1])
+
+    return each_column(column, [yes, no])
+
+
+DIRECTIONS = np.exp(1j * np.linspace(-np.pi, np.pi, 97)[:-1])
+
+
+def _best_direction(fixed: Any, spans: Sequence[Any], rays: Sequence[Any], n: int) -> Floats:
+    """Return for each box a direction, shape (2, n), in which the middle of all numbers is farthest from 0."""
+
+    def middle(part: Any) -> NDArray[Any]:
+        value = part.coefficients[0] if isinstance(part, Taylor) else getattr(part, "mid", part)
+        return np.broadcast_to(np.asarray(value, float), n)
+
+    def components(number: Any) -> Floats:
+        return np.real(np.conj(DIRECTIONS)[:, None] * (middle(number.re) + 1j * middle(number.im)))
+
+    def ends(span: Any) -> tuple[float, float]:
+        low, high = (float(getattr(end, "mid", end)) for end in (span.low, span.high))
+        return low, low if high == np.inf else high
+
+    least, size = components(fixed), np.abs(middle(fixed.re)) + np.abs(middle(fixed.im))
+    for span in spans:
+        x, (low, high) = components(span.of), ends(span)
+        least = least + np.minimum(low * x, high * x)
+        size = size + high * (np.abs(middle(span.of.re)) + np.abs(middle(span.of.im)))
+    room = least / np.where(size > 0, size, 1.0)
+    for number in rays:
+        x = components(number)
+        room = np.minimum(room, x / np.maximum(np.abs(x).max(axis=0), 1e-300))
+    best = DIRECTIONS[np.nanargmax(np.nan_to_num(room, nan=-np.inf), axis=0)]
+    return np.stack((best.real, best.imag))

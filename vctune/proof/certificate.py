@@ -79,7 +79,11 @@ class Certificate:
 
 
 def certify(
-    design: Design, demands: Demands, box: DeviceBox | None = None, suspects: Suspects = no_suspects
+    design: Design,
+    demands: Demands,
+    box: DeviceBox | None = None,
+    suspects: Suspects = no_suspects,
+    ringing: Suspects = no_suspects,
 ) -> Certificate:
     """Prove that a design meets its constraints (proof/README.md).
 
@@ -98,6 +102,9 @@ def certify(
     suspects : Suspects
         Function that says where to look for a failure in hands (`vctune.analysis.worst_hand.suspects`). A claim
         that it shows to fail is refuted by a proof; without it such a claim may stay undecided.
+    ringing : Suspects
+        Function that says in which hands the loop seems to be damped less than is demanded
+        (`vctune.simulation.rings.least_damped_hand`).
 
     Returns
     -------
@@ -106,7 +113,7 @@ def certify(
         whole number of samples of delay the sensed force may jump. A claim is then proved only if it also holds on both
         sides of that number.
     """
-    question = Question(design, demands, box, suspects)
+    question = Question(design, demands, box, suspects, ringing)
     own, beside = _certificate(question), _beside(question)
     return _holding_beside(own, [_certificate(each) for each in beside]) if beside else own
 

@@ -3,7 +3,7 @@ ring?")."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -12,16 +12,19 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.demands import Demands
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import NAMES, Hand, Hands
 from vctune.model.numbers.arithmetic import Floats
 from vctune.model.worlds import World
+from vctune.proof.claims.claim import Suspect
 from vctune.running import check_time
 from vctune.simulation.controller import Law
 from vctune.simulation.scene import Scene
 from vctune.simulation.together import held_by, matrices_of
-from vctune.simulation.worlds import laws
+from vctune.simulation.worlds import RIGID, laws, least_damped_worlds
 
 # Masses, dampings and stiffnesses of hands on the grid (a soft spring alone is slow: they lie close), decades below the
 # end of a range that begins at 0, local minima that are refined, and halvings of the distance from them
@@ -62,6 +65,17 @@ def ringing(
     searched = [*first, *sorted(others, key=at_corners)[: len(worlds)]]
     found = [each for device, world, law in searched for each in _in_hands(device, law, world, hands)]
     return min(found, key=lambda each: each.damping_ratio, default=None)
+
+
+def least_damped_hand(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
+    """Yield the hand in which a design seems to be damped less than is demanded, for `vctune.proof.certificate`."""
+    assert demands.hands is not None and demands.damping_ratio is not None
+    bare = {device.undisturbed.bare: device for device in devices}
+    worlds = (RIGID,) if demands.rigid else tuple(least_damped_worlds(demands.worlds))
+    found = ringing(tuple(bare), demands.hands, design.gains, design.coupling, worlds)
+    if found is not None and found.damping_ratio < demands.damping_ratio:
+        theta = found.frequency * found.device.sample_time
+        yield Suspect(bare[found.device], found.hand, (theta, theta))
 
 
 def _in_hands(device: Device, law: Law, world: World, hands: Hands) -> list[Ringing]:

@@ -152,6 +152,8 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> Iterator[Pa
         yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
     if factor > 1:
         yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
+    if (ratio := stability.damping_ratio) is not None:
+        yield ParameterChange(("stability", "damping_ratio"), "a smaller damping ratio", ratio, ratio / FURTHEST)
     yield from _of_gains(document, problem)
 
 

@@ -50,6 +50,7 @@ from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
+from vctune.simulation.rings import least_damped_hand
 
 
 class Status(StrEnum):
@@ -302,7 +303,7 @@ def judge_all(
 
 def certified(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
     """Prove a design, with an estimate of where it may fail in hands."""
-    return certify(design, demands, box, suspects)
+    return certify(design, demands, box, suspects, least_damped_hand)
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:

@@ -18,13 +18,14 @@ from vctune.design.records.claims import (
     hands_record,
     wall_record,
 )
-from vctune.document.records.part import DisplayPart, From, Nullable, Pair, Proof, RecordPart, Row, made
+from vctune.document.records.part import DisplayPart, From, Nullable, Pair, Proof, RecordPart, Row, made, text
 from vctune.model.fields import Shown
 from vctune.model.hands import Hand, LeastOperator, passive_hand
 from vctune.model.numbers.units import Units, finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.damping import DAMPING
 from vctune.proof.claims.delays import delay_in_samples
 from vctune.proof.claims.registry import claims_about
 from vctune.proof.outcome import Outcome, Verdict, enclosed, worst_verdict
@@ -58,6 +59,7 @@ class CertificateRecord(DisplayPart):
     ]
     boxes: Annotated[int, From(lambda of: of.certificate.boxes)]
     claims: list[ClaimRecord]
+    damping_ratio: Annotated[Nullable, From(lambda of: of.certificate.demands.damping_ratio)] = None  # demanded
     hands: HandsRecord | None = None  # claims in hands; null if the problem does not make them
     any_hand: AnyHandRecord | None = None
     wall: WallRecord | None = None
@@ -78,6 +80,11 @@ class CertificateRecord(DisplayPart):
         """The name of the least ratio of all claims."""
         return f"least {self.coupled} / R" if self.hands is None else self.hands.measured
 
+    @property
+    def calm(self) -> str | None:
+        """The verdict on the damping ratio; None if none is demanded."""
+        return next((claim.verdict for claim in self.claims if claim.id == DAMPING.id), None)
+
     def passive_hand(self, units: Units) -> str:
         """Return the hands of a claim about any passive hand in words."""
         least = self.least_hand
@@ -90,6 +97,8 @@ class CertificateRecord(DisplayPart):
         first = shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
         yield from map(self.told, [*first, *(row for part in parts for row in part.rows(units))])
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
+        if self.calm is not None:
+            yield Row("every oscillation", self.calm, f"has at least a damping ratio of {text(self.damping_ratio)}")
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()
 

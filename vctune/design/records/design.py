@@ -173,7 +173,9 @@ class DesignRecord(SealedDocument):
             passive = [f"stable{without} {self.certificate.any_hand.promise(hand)}"]
         if self.certificate.wall:
             passive = [f"stable {self.certificate.wall.promise(hand, self.units)}"]
-        return "; ".join([*hands, *passive])
+        ratio = self.certificate.damping_ratio
+        calm = [] if ratio is None else [f"every oscillation there has a damping ratio of at least {text(ratio)}"]
+        return "; ".join([*hands, *passive, *calm])
 
     @property
     def limits(self) -> list[str]:

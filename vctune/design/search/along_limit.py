@@ -15,12 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.analysis.damped import ServoOnCurve
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
 from vctune.design.prepared import Posed, Prepared
 from vctune.design.search.exchange import stable
-from vctune.design.search.first_proved import RESERVE, Law, LookedAt, Proved, first_proved
+from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.search.scan import scan
 from vctune.design.variables import Point, design_of, point, ranges, rounded
 from vctune.model.gains import AnyCoupling, Gains, coupling_impedance, series_coupling
@@ -30,6 +31,7 @@ from vctune.model.loop.loop import LoopResponse
 from vctune.model.problem import Problem, Range
 from vctune.model.worlds import EVERY_WORLD
 from vctune.running import check_time
+from vctune.simulation.worlds import least_damped_worlds
 
 MOST_DEVICES = 16  # of a box, at first
 # Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v, and the shapes: m_c/b_c, or
@@ -73,9 +75,14 @@ class _Loops(NamedTuple):
     in_worlds: Sequence[LoopsInWorlds]
     # rad/s and response, for any passive hand with nothing behind the coupling
     on_band: Sequence[tuple[Floats, LoopResponse]]
+    damped: Sequence[ServoOnCurve] = ()  # on the curve of a damping ratio that is demanded
+
+    def least_damped(self, coupling: AnyCoupling) -> float:
+        """Return the least multiple from which on the coupling has the damping ratio; 0 if none is demanded."""
+        return max((of.least(series_coupling(coupling)) for of in self.damped), default=0.0)
 
     def ratio(self, coupling: AnyCoupling) -> float:
-        """Return the number by which a coupling may be divided before something fails."""
+        """Return the number by which a coupling may be divided before something fails, the damping ratio aside."""
         least = self.least_on_band(coupling)
         return min([1 / least if least > 0 else inf, *(loop.ratio(coupling) for loop in self.in_worlds)])
 
@@ -138,14 +145,20 @@ class _Limit:
             return None
         worlds = problem.worlds or EVERY_WORLD
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
+        ratio, damped = problem.stability.damping_ratio, list[ServoOnCurve]()
         for device in seen.devices:
             angles = np.union1d(angles_of(device)[:: FEW if self.coarse else 1], seen.angles)
             if demands.hands is not None:
                 in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
+            if ratio is not None:
+                ends = least_damped_worlds(problem.worlds)
+                damped.append(
+                    ServoOnCurve.of(device, seen.hands, ends, ratio * (1 + RATIO_RESERVE + seen.reserve), seen.angles)
+                )
             if demands.alone:
                 omega = demand_grid(device, *self.posed.span)
                 on_band.append((omega, response(device, gains, omega)))
-        return _Loops(in_worlds, on_band)
+        return _Loops(in_worlds, on_band, damped)
 
     def design(self, values: Point, loops: _Loops | None) -> Point | None:
         """Return a design with its free coupling multiplied until it is at the limit; None if the loop or the bounds do
@@ -159,13 +172,15 @@ class _Limit:
             return None
 
         def enough(found: Point) -> float:
-            return loops.ratio(design_of(found)[1]) / self.needed
+            coupling, damped = design_of(found)[1], loops.least_damped(design_of(found)[1])
+            return min(loops.ratio(coupling) / self.needed, 1 / damped if damped > 0 else inf)
 
         if free and all(k in free or value in (0.0, inf) for k, value in enumerate(values[GAINS:], GAINS)):
             problem = self.posed.problem
             softest = problem.transparency.reference_impedance * SOFTEST
             softest /= max(b_0, min(b_c, m_c / problem.device.sample_time))
-            least = loops.least_stable(design_of(values)[1], self.needed) * self.needed
+            coupling = design_of(values)[1]
+            least = max(loops.least_stable(coupling, self.needed) * self.needed, loops.least_damped(coupling))
             found, known = _times(values, free, max(least, softest)), least >= softest
         else:
             found, known = _halved(values, free, enough), False

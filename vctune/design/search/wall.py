@@ -11,12 +11,13 @@ from math import exp, inf, log
 
 import numpy as np
 
+from vctune.analysis.damped import WallOnCurve
 from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_up_to
 from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.prepared import Posed
-from vctune.design.search.first_proved import RESERVE, Law, LookedAt, Proved, first_proved
+from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
@@ -38,12 +39,12 @@ Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall 
 @np.errstate(all="ignore")
 def stiffest_wall(posed: Posed) -> Proved | None:
     """Return the stiffest wall that is proved, or else the last that was tried; None if there is none."""
-    problem = posed.problem
+    problem, ratio = posed.problem, posed.problem.stability.damping_ratio
 
     def best(seen: LookedAt, _: Law | None) -> Law | None:
         needed = problem.stability.safety_factor * (1 + seen.reserve)
         kind = _in_any_hand if problem.any_hand else _in_hands
-        wall = _stiffest(posed, [kind(device, seen, needed) for device in seen.devices])
+        wall = _stiffest(posed, [kind(device, seen, needed, ratio) for device in seen.devices])
         return None if wall is None else (NO_LOOP, wall)
 
     devices = list(dict.fromkeys(case.device for case in posed.cases))
@@ -53,15 +54,20 @@ def stiffest_wall(posed: Posed) -> Proved | None:
         return first_proved(posed, LookedAt(devices, hands, reserve=reserve), best)
 
 
-def _in_any_hand(device: Device, seen: LookedAt, needed: float) -> Bears:
+def _in_any_hand(device: Device, seen: LookedAt, needed: float, _ratio: float | None) -> Bears:
     """Also at the angles beside which a proof has refuted a wall."""
     theta, T = np.union1d(loops_in_any_hand(device, PER_DECADE).theta, seen.angles), device.sample_time
     at = answers(device, theta)
     return lambda wall: bool(least_up_to(needed, *at.before_wall(wall, T, theta, FLOATS)).min() > 0)
 
 
-def _in_hands(device: Device, seen: LookedAt, needed: float) -> Bears:
+def _in_hands(device: Device, seen: LookedAt, needed: float, ratio: float | None) -> Bears:
     loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
+    curve = (
+        None
+        if ratio is None
+        else WallOnCurve.of(device, list(seen.hands), ratio * (1 + RATIO_RESERVE + seen.reserve), seen.angles)
+    )
     undamped = device.least_damping + min(hand.damping for hand in seen.hands) == 0
     # where nothing else damps, a wall whose spring is later than its damper is unstable at every multiple down to 0,
     # and at 0 every wall leaves a resonance with the hand's spring on the circle
@@ -69,6 +75,8 @@ def _in_hands(device: Device, seen: LookedAt, needed: float) -> Bears:
 
     def bears(wall: SpringDamper) -> bool:
         limits = loops.limits(wall)[0]
+        if curve is not None and not curve.bears(wall):
+            return False
         return bool(wall.damping >= late * wall.stiffness and limits[limits > least].min(initial=inf) >= needed)
 
     return bears

@@ -10,7 +10,18 @@ from vctune.document.schema.validation import schema_of
 from vctune.model.device import Device
 from vctune.model.display import DisplayName
 from vctune.model.experiment import Baseline, Environment, Friction, MovingHand, Sensors
-from vctune.model.fields import Edge, Flag, Found, FoundPositive, NotNegative, NotNegativeOrInf, Positive, Share, Text
+from vctune.model.fields import (
+    DampingRatio,
+    Edge,
+    Flag,
+    Found,
+    FoundPositive,
+    NotNegative,
+    NotNegativeOrInf,
+    Positive,
+    Share,
+    Text,
+)
 from vctune.model.gains import Coupling, Gains, Rule, SpringDamper
 from vctune.model.numbers.units import UnitSystem
 from vctune.model.parts import MAY_BE_ZERO, UNCERTAIN, ForceSensor, Servo
@@ -316,6 +327,11 @@ class StabilityTable(Table):
         description="Whether the device must rest wherever it stops: the force of one step of "
         "device.velocity.resolution may be at most twice device.friction. This limits coupling.stiffness of an "
         "impedance display and gains.position of an admittance display.",
+    )
+    damping_ratio: DampingRatio | None = Field(
+        None,
+        description="Least damping ratio, up to 0.7, of every oscillation in the hands of [operator] with the "
+        "environments of [environment], proved for a servo, and for a wall of an impedance display in its hands.",
     )
 
 

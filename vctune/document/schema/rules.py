@@ -123,6 +123,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     file = Stated(raw)
     rules = (
         _ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _in_hands_alone, _law, _rest,
+        _damping,
         _names, _rotary_hands,
     )  # fmt: skip
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
@@ -508,6 +509,51 @@ def _rest(file: Stated) -> Found:
     if (least := file(f"{key}.min")) > stiffest:
         message = f"min = {least:g} is above 2 friction/resolution = {stiffest:g}, the greatest that rests; lower it"
         yield key, message
+
+
+def _damping(file: Stated) -> Found:
+    """Yield why a damping ratio cannot be demanded: without a box of environments, or of what has no proof."""
+    key = "stability.damping_ratio"
+    if file.value(key) is None:
+        return
+    rigid = file.impedance and file.value("environment.stiffness") == inf
+    if not file.servo and not rigid:
+        yield (
+            key,
+            "is proved of a [device.servo], and of a wall (environment.stiffness = inf) of an impedance display; leave "
+            "it out",
+        )
+    elif rigid and file.value("stability.criterion") != "hands":
+        yield key, 'in any passive hand one rings for ever; write stability.criterion = "hands", or leave it out'
+    elif file.servo and not isinstance(file.value("environment"), dict):
+        yield (
+            key,
+            "with every passive environment one rings for ever; state those that you render in [environment], for "
+            "nothing mass.max = 0 and stiffness.max = 0",
+        )
+    if file.value("environment.walls") is True:
+        yield key, "is not proved with walls, which are met and left; leave one of them out"
+    if file.value("uncertainty.unmodelled"):
+        yield "uncertainty.unmodelled", "is not proved with stability.damping_ratio; leave one of them out"
+    mass = file.value("environment.mass")
+    if (
+        file.servo
+        and file.table("environment")
+        and not (file("environment.mass") >= 0 or file("environment.mass.max") == 0 or file("environment.mass.min") > 0)
+    ):
+        what = "is not stated, so that it may be" if mass is None else "may be"
+        yield (
+            "environment.mass",
+            f"{what} next to nothing, which rings at half the sampling rate by the trapezoidal rule: with "
+            "stability.damping_ratio write max = 0, or a min above 0",
+        )
+    if (
+        file.servo
+        and file.table("environment")
+        and isnan(file("environment.stiffness"))
+        and isnan(file("environment.stiffness.max"))
+    ):
+        yield "environment.stiffness", "has no greatest value, which stability.damping_ratio needs; write max"
 
 
 def _hands_of_servo(file: Stated) -> Found:

@@ -4,6 +4,7 @@ requires of the coupling."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +48,37 @@ def _pulling(pull: Pull) -> Hand:
     return Hand(0, 0, pull.stiffness)
 
 
+class SensedPart(NamedTuple):
+    """The part of Z_seen that a hand causes through a force sensor: w^(N+1) (regular + spring step/(1 - w))."""
+
+    regular: Pair
+    step: tuple[Number, Number]  # even and odd part
+    spring: Number  # K T
+
+
 def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> ServoSeen:
     """Return the part of Z_seen that the hand causes through the force sensor."""
+    s, c, y = at.sin, at.cos, at.square
+    rest, step, spring = _sensed(plant, hand, at)
+    # 2 j s e^(-j theta/2) times a regular number
+    turned = rest * Pair(c, -s)
+    even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
+    cos, sine = at.turned(plant.turns)
+    even, odd = cos * even + y * (sine * odd), cos * odd - sine * even
+    return ServoSeen(c * even, c * odd) if plant.interpolated else ServoSeen(even, odd)
+
+
+def seen_apart(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> tuple[Pair, Pair]:
+    """Return the numbers r and k in Z_seen = r + k/(1 - 1/z), of a hand and without the firmware's own spring; both are
+    regular at theta = 0."""
+    at = circle(theta, ops)
+    rest, step, spring = _sensed(plant, hand, at)
+    angle = theta * (plant.turns + 0.5)
+    late = Pair(ops.cos(angle), -ops.sin(angle)).scaled(at.cos if plant.interpolated else 1)
+    return rest * late, Pair(step[0], at.sin * step[1]).scaled(spring) * late
+
+
+def _sensed(plant: ServoPlant, hand: Hand, at: Circle) -> SensedPart:
     s, c, y = at.sin, at.cos, at.square
     spring = times(hand.stiffness, plant.sample_time)
     # K T (1 - delta + delta w), w = 1 - 2 y - 2 j s c
@@ -66,12 +96,7 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> ServoSeen:
             below, left = below + (d * d).scaled(a_2), left + w.scaled(second)
             passed = passed + (w * w).scaled(section.earlier)
         rest = (rest * passed + held * left) * _reciprocal(below, at.ops)
-    # 2 j s e^(-j theta/2) times a regular number
-    turned = rest * Pair(c, -s)
-    even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
-    cos, sine = at.turned(plant.turns)
-    even, odd = cos * even + y * (sine * odd), cos * odd - sine * even
-    return ServoSeen(c * even, c * odd) if plant.interpolated else ServoSeen(even, odd)
+    return SensedPart(rest, step, spring)
 
 
 def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:

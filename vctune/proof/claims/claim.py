@@ -22,7 +22,7 @@ from vctune.proof.enclosures.intervals import Flags
 from vctune.proof.outcome import Outcome
 
 ClaimId = str  # public name of a claim in design.json; once a file contains it, it never changes
-Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "rest"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "rest", "damping_ratio"]
 
 
 class Suspect(NamedTuple):
@@ -50,6 +50,7 @@ class Question:
     demands: Demands  # the constraints on the design
     box: DeviceBox | None = None  # box of devices for which the claim is to be proved; None for the design's own device
     suspects: Suspects = no_suspects  # says where to look for a failure in hands
+    ringing: Suspects = no_suspects  # says in which hands the loop seems to be damped least
 
     @property
     def covered(self) -> DeviceBox | None:

@@ -84,14 +84,14 @@ def hand_curve(case: Case, theta: Number) -> Pair:
         F = loop.before_wall(wall, case.factor * case.share)
     else:
         F = loop.closed(case.design.gains)
-    return Pair(F.even, case.ops.sin(theta / 2) * F.odd) * _turned(plant.poles, theta, case.ops)
+    return Pair(F.even, case.ops.sin(theta / 2) * F.odd) * turned_back(plant.poles, theta, case.ops)
 
 
 def limp_hand_curve(case: Case, theta: Number) -> Pair:
     """Return `hand_curve` without the pole at z = 1 of a free position."""
     plant, ops = case.held(), case.ops
     F = loop_in_hand(plant, theta, ops).closed(case.design.gains)
-    return Pair(F.odd, -F.even / ops.sin(theta / 2)) * _turned(plant.poles - 1, theta, ops)
+    return Pair(F.odd, -F.even / ops.sin(theta / 2)) * turned_back(plant.poles - 1, theta, ops)
 
 
 def limp_hand_real(case: Case, theta: Number) -> Number:
@@ -111,7 +111,8 @@ def coupling_curve(case: Case, theta: Number) -> Pair:
     return (passed * difference).scaled(coupling.damping).plus(coupling.stiffness * device.sample_time)
 
 
-def _turned(poles: int, theta: Number, ops: Arithmetic) -> Pair:
+def turned_back(poles: int, theta: Number, ops: Arithmetic) -> Pair:
+    """Return z^(-n/2) of n poles."""
     return Pair(ops.cos(theta * (poles / 2)), -ops.sin(theta * (poles / 2)))
 
 

@@ -6,6 +6,7 @@ from vctune.model.demands import Demands
 from vctune.proof.claims.any_hand import ANY_HAND, WALL_IN_ANY_HAND
 from vctune.proof.claims.band import ALONE, PASSIVE
 from vctune.proof.claims.claim import Claim, ClaimId, Quantity
+from vctune.proof.claims.damping import DAMPING
 from vctune.proof.claims.hands import HANDS
 from vctune.proof.claims.poles import STABLE, STABLE_MODEL
 from vctune.proof.claims.rest import RESTS
@@ -17,7 +18,7 @@ from vctune.proof.device_box import DeviceBox
 
 _ROWS = (
     PASSIVE, ALONE, SENSITIVITY, STABLE_MODEL, STABLE, UNMODELLED, ANY_HAND, HANDS, WORLDS, WALLS, WALL_IN_ANY_HAND,
-    WALL_IN_HANDS, RESTS,
+    WALL_IN_HANDS, DAMPING, RESTS,
 )  # fmt: skip
 CLAIMS: dict[ClaimId, Claim] = {claim.id: claim for claim in _ROWS}
 IN_HANDS = tuple(claim.id for claim in (HANDS, WORLDS, WALLS))  # Claims about the coupling in the hands of a box

@@ -16,6 +16,8 @@ from vctune.running import check_time
 SWOLLEN = 1 + 2.0**-44  # Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius
 HIGHER_ERROR = 1e-13  # Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53
 
+REAL = int | float | np.ndarray | Enclosure  # numbers that a polynomial can be added to and multiplied with
+
 Times = Callable[[Floats, Floats], Floats]  # Function that multiplies arrays of numbers, or of matrices, for each box
 
 
@@ -44,6 +46,8 @@ class Taylor:
             radii[-1] += UNIT * np.abs(coefficients).sum(axis=0) + TINY
             radii *= SWOLLEN
             return Taylor(self.row_count, coefficients, radii)
+        if not isinstance(other, REAL):
+            return NotImplemented
         mid, rad = _mid_and_rad(other)
         coefficients, radii = self.coefficients.copy(), self.radii.copy()
         coefficients[0] += mid
@@ -62,6 +66,8 @@ class Taylor:
     def __mul__(self, other: Any) -> Taylor:
         if isinstance(other, Taylor):
             return _product(self, other, np.multiply, 1)
+        if not isinstance(other, REAL):
+            return NotImplemented
         mid, rad = _mid_and_rad(other)
         coefficients, radii = self.coefficients * mid, self.radii * (np.abs(mid) + rad)
         radii[-1] += (rad + UNIT * np.abs(mid)) * np.abs(self.coefficients).sum(axis=0) + TINY
@@ -72,7 +78,7 @@ class Taylor:
     def __truediv__(self, other: Any) -> Taylor:
         if isinstance(other, Taylor | Enclosure):
             return self * other.reciprocal()
-        return self * Enclosure(other).reciprocal()
+        return self * Enclosure(other).reciprocal() if isinstance(other, REAL) else NotImplemented
 
     def __rtruediv__(self, other: Any) -> Taylor:
         return self.reciprocal() * other
