@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from command import run as command
 from draws import admittance, coupling_for, gains_for, hands_for, impedance, servo, spring_for, stated, triple
-from loop import Loop
-from meaning import slowest
+from loop import Loop, slowest
 from rubbing import Rubbing, run
 
 import vctune
-from vctune.design.records.rest import hands_at_rest
+from vctune.design.judging.kicked import hands_at_rest
 from vctune.simulation.kicks import buzz
 from vctune.simulation.rings import ringing
 from vctune.simulation.worlds import NOTHING, RIGID, worlds_of

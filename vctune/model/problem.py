@@ -91,6 +91,7 @@ class Stability:
     max_sensitivity: float  # greatest permitted |S| of the sampled loop; without effect for a servo
     criterion: Criterion = "passive"  # hands that the problem requires
     rest: bool = False  # whether the device must rest between the steps of its encoder (`vctune.model.rest`)
+    calm: bool = False  # whether no kick may keep the device moving, as simulated (`vctune.simulation.kicks`)
     damping_ratio: float | None = None  # least ratio of every oscillation in the stated hands; None for none
 
 

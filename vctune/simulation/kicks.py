@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vctune.model.device import Device
 from vctune.model.experiment import Friction
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import NAMES, Hand, Hands
 from vctune.model.mechanism import POSITION, chain
 from vctune.model.numbers.arithmetic import FLOATS, Floats
 from vctune.model.rest import damping_acting, read_in_steps, stiffness_read
@@ -29,6 +29,7 @@ from vctune.simulation.worlds import laws
 LEAST_KICKS, EACH = 192, 24  # Number of kicks before an environment, and in a hand, at least
 # Fractions of the golden ratio's generalisation to four dimensions, whose multiples fill a box evenly
 EVENLY = 1 / 1.1673039782614187 ** np.arange(1, 5)
+EVENLY_IN_HANDS = 1 / 1.2207440846057596 ** np.arange(1, 4)  # to three dimensions
 SLOWEST, FASTEST = 0.1, 16.0  # Speeds of the kicks, in steps of the encoder per sample and speeds that friction stops
 AWAY = 30.0  # Greatest distance of the hand's place from the handle, in steps
 PUSHES = 1.25  # Greatest constant force of the hand, as a share of the friction
@@ -57,11 +58,18 @@ class Buzz:
 
 @lru_cache(maxsize=16)  # record, row and warning of a design ask for it
 def buzz(
-    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, worlds: tuple[World, ...], time_constant: float
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    worlds: tuple[World, ...],
+    time_constant: float,
+    more: int = 1,
 ) -> Buzz | None:
     """Return what a fixed set of kicks does to a design; None if neither friction nor a step of a reading is stated.
 
-    `time_constant` is that of the loop's slowest oscillation, s.
+    `time_constant` is that of the loop's slowest oscillation, s. There are `more` times as many kicks, the
+    others in hands all over the box.
     """
     q, q_f, f = read_in_steps(device) or 0.0, device.sensing.resolution or 0.0, device.friction or 0.0
     if q == q_f == f == 0:
@@ -70,6 +78,7 @@ def buzz(
     corners = list(dict.fromkeys(hands.corners))
     each = max(EACH, ceil(LEAST_KICKS / len(corners)))
     kicked = [hand for hand in corners for _ in range(each)]
+    kicked += _spread(hands, (more - 1) * LEAST_KICKS) if len(corners) > 1 else kicked * (more - 1)
     found = list[Buzz]()
     for world, law in laws(device, gains, coupling, worlds):
         friction = Friction(f, f) if f > 0 and device.servo is None else None
@@ -81,6 +90,13 @@ def buzz(
         )
     worst = max(found, key=lambda each: (each.moving > 0, each.amplitude))
     return replace(worst, kicks=sum(one.kicks for one in found), moving=sum(one.moving for one in found))
+
+
+def _spread(hands: Hands, count: int) -> list[Hand]:
+    """Return hands that fill a box evenly."""
+    low, high = (np.array([getattr(end, name) for name in NAMES], float) for end in (hands.low, hands.high))
+    shares = np.mod(0.5 + np.arange(count)[:, None] * EVENLY_IN_HANDS, 1.0)
+    return [Hand(*map(float, row)) for row in low + shares * (high - low)]
 
 
 def _sizes(

@@ -25,6 +25,7 @@ from vctune.analysis.margins import Margins, loop_margins
 from vctune.analysis.multiples import suspects
 from vctune.analysis.responses import Loop
 from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall
+from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
 from vctune.document.schema.rules import ADDS_TO_WALL
@@ -50,6 +51,7 @@ from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
+from vctune.simulation.kicks import Buzz
 from vctune.simulation.rings import least_damped_hand
 
 
@@ -113,6 +115,8 @@ class Judgement:
     cut : bool
         Whether the time limit ended the proof, or the evaluation of all devices in hands. What is missing is left out
         of the margins and of the greatest ``|S|``.
+    kicked : Buzz, optional
+        What kicks do to a proved design, as simulated; None unless the problem demands that it is calm.
     """
 
     posed: Posed
@@ -125,6 +129,7 @@ class Judgement:
     worst_sensitivity: float
     certificate: Certificate
     cut: bool = False
+    kicked: Buzz | None = None
 
     @property
     def device(self) -> Device:
@@ -133,8 +138,13 @@ class Judgement:
 
     @property
     def status(self) -> Status:
-        """The status that follows from the certificate's verdict."""
-        return STATUS_OF[self.certificate.verdict]
+        """The status that follows from the certificate's verdict and, where it is demanded, from kicks."""
+        proved = self.certificate.verdict is Verdict.PROVED
+        if not (proved and self.posed.problem.stability.calm):
+            return STATUS_OF[self.certificate.verdict]
+        if self.kicked is None:
+            return Status.UNDECIDED
+        return Status.VIOLATED if self.kicked.moving else Status.CERTIFIED
 
     @property
     def corner(self) -> float | None:
@@ -339,7 +349,7 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
     if devices and not in_hands:  # a judgement has at least one ratio, if only an estimate
         with unlimited():
             in_hands = margins_in_hands(posed.demands, devices[:1], gains, coupling, climbed=False)
-    return Judgement(
+    found = Judgement(
         posed=posed,
         gains=gains,
         coupling=coupling,
@@ -351,6 +361,17 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
         certificate=certificate,
         cut=cut,
     )
+    return _kicked(found) if posed.problem.stability.calm and certificate.verdict is Verdict.PROVED else found
+
+
+def _kicked(judgement: Judgement) -> Judgement:
+    """Return a judgement with what kicks do, unless the time is over."""
+    law = judgement.gains, judgement.coupling
+    try:
+        rings = ringing_of(judgement.posed, judgement.tightest, *law)
+        return replace(judgement, kicked=buzz_of(judgement.posed.problem, rings, *law))
+    except OutOfTimeError:
+        return replace(judgement, cut=True)
 
 
 def _without_hands(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[list[LeastRatio], tuple[float, float]]:

@@ -27,6 +27,12 @@ def said_of(judgement: Judgement) -> str:
     """Return the proved claims of a design, or the claims that fail, the worst first, with the least margin."""
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
+    if judgement.certificate.verdict is Verdict.PROVED:  # only stability.calm is left
+        kicks = judgement.kicked
+        moves = (
+            "was not simulated in time" if kicks is None else f"{kicks.moving} of {kicks.kicks} kicks keep it moving"
+        )
+        return f"not calm, as simulated: {moves}; {_proved(judgement)}"
     at, units = judgement.binding, UNITS[judgement.device.units]
     hand = "" if at.hand is None else f" in the hand of {at.hand.in_words(units)}"
     if _misses_only_the_factor(judgement):

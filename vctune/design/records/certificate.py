@@ -81,7 +81,7 @@ class CertificateRecord(DisplayPart):
         return f"least {self.coupled} / R" if self.hands is None else self.hands.measured
 
     @property
-    def calm(self) -> str | None:
+    def damped(self) -> str | None:
         """The verdict on the damping ratio; None if none is demanded."""
         return next((claim.verdict for claim in self.claims if claim.id == DAMPING.id), None)
 
@@ -97,8 +97,8 @@ class CertificateRecord(DisplayPart):
         first = shown if self.band_hz is not None else shown[:1]  # the first row is the verdict
         yield from map(self.told, [*first, *(row for part in parts for row in part.rows(units))])
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
-        if self.calm is not None:
-            yield Row("every oscillation", self.calm, f"has at least a damping ratio of {text(self.damping_ratio)}")
+        if self.damped is not None:
+            yield Row("every oscillation", self.damped, f"has at least a damping ratio of {text(self.damping_ratio)}")
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()
 

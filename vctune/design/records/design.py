@@ -140,7 +140,10 @@ class DesignRecord(SealedDocument):
             yield "status", self.status, "undecided" if self.status == "undecided" else "infeasible", of
             return
         verdict, claims = self.certificate.verdict, self.certificate.claims
-        yield "status", self.status, STATUSES[verdict], f"certificate.verdict, {verdict}, makes it"
+        buzzes = problem.stability.calm and verdict == "proved" and self.buzz is not None and self.buzz.moving > 0
+        open_ = problem.stability.calm and verdict == "proved" and self.buzz is None
+        status = "violated" if buzzes else "undecided" if open_ else STATUSES[verdict]
+        yield "status", self.status, status, f"certificate.verdict, {verdict}, makes it"
         worst = worst_verdict([Verdict(claim.verdict) for claim in claims] or [Verdict.UNDECIDED]).value
         yield "certificate.verdict", verdict, worst, "the worst verdict of certificate.claims is"
         with np.errstate(all="ignore"):

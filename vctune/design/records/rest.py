@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 from vctune.analysis.chatter import Caused, Reading, caused_by, encountered
 from vctune.design.judging.judge import Judgement
-from vctune.design.records.shake import BuzzRecord, hands_at_rest
+from vctune.design.judging.kicked import hands_at_rest
+from vctune.design.records.shake import BuzzRecord
 from vctune.document.records.part import Nullable, RecordPart, Row, milli, text
 from vctune.model.design import Design
 from vctune.model.device import Device

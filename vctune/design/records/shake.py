@@ -6,24 +6,22 @@ from collections.abc import Iterator
 from math import inf, log, pi
 from typing import Annotated
 
-import numpy as np
-
-from vctune.design.judging.judge import Judgement
+from vctune.design.judging.judge import Judgement, Status
+from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.document.records.part import Nullable, RecordPart, Row, milli, text
 from vctune.document.text.errors import Note
 from vctune.model.fields import Shown
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.model.rest import read_in_steps
 from vctune.model.worlds import World
 from vctune.running import OutOfTimeError
-from vctune.simulation.kicks import Buzz, buzz
-from vctune.simulation.rings import Ringing, ringing
-from vctune.simulation.worlds import RIGID, worlds_of
+from vctune.simulation.kicks import Buzz
+from vctune.simulation.rings import Ringing
+from vctune.simulation.worlds import RIGID
 
 SHAKES = "whether it shakes"  # Name of a part that a time limit may leave out
-MOST_DEVICES = 32  # Greatest number of devices of a box, beside the nominal one and that of the least ratio
 MILLI = 0.1  # Time below which a time is told in milliseconds, s
 LONG = 1 / log(3)  # Time constant with which a motion takes a second to fall to a third, s
 
@@ -113,11 +111,12 @@ class ShakeColumns(RecordPart):
 def shaken(problem: Problem, judgement: Judgement) -> tuple[RingingRecord | None, BuzzRecord | None]:
     """Return how a design rings, and whether it buzzes; None where nothing oscillates or grows, and where neither
     friction nor a step of a reading is stated."""
-    rings, buzzes = _ringing(problem, judgement), None
+    law, buzzes = (judgement.gains, judgement.coupling), None
+    rings = ringing_of(judgement.posed, judgement.tightest, *law)
     if rings is not None and rings.damping_ratio <= 0:
         return None, None
-    if judgement.status.value != "violated":
-        buzzes = _buzz(problem, judgement, rings)
+    if judgement.kicked is not None or judgement.status is not Status.VIOLATED:
+        buzzes = buzz_of(problem, rings, *law)
     return _ringing_record(rings, problem.units), _buzz_record(buzzes, problem)
 
 
@@ -143,22 +142,6 @@ def in_few_words(rings: RingingRecord | None, buzzes: BuzzRecord | None) -> list
     """Return how a design rings and buzzes, in a few words each."""
     said = [] if rings is None else [rings.briefly]
     return [*said, *([f"buzzes after {buzzes.moving} of {buzzes.kicks} kicks"] if buzzes and buzzes.moving else [])]
-
-
-def _ringing(problem: Problem, judgement: Judgement) -> Ringing | None:
-    cases = [case.device for case in judgement.posed.hand_cases or judgement.posed.cases]
-    some = [cases[k] for k in sorted({round(k) for k in np.linspace(0, len(cases) - 1, MOST_DEVICES)})]
-    each = [problem.device, judgement.tightest, *some]
-    devices = tuple(dict.fromkeys(device.undisturbed.bare for device in each))
-    worlds = tuple(worlds_of(problem.worlds, rigid=problem.rigid))
-    return ringing(devices, hands_at_rest(problem), judgement.gains, judgement.coupling, worlds)
-
-
-def _buzz(problem: Problem, judgement: Judgement, rings: Ringing | None) -> Buzz | None:
-    """Return what kicks do to the device that rings most, or to the nominal one if none rings."""
-    device, slow = (problem.device.undisturbed.bare, 0.0) if rings is None else (rings.device, rings.time_constant)
-    worlds = tuple(worlds_of(problem.worlds, rigid=problem.rigid))
-    return buzz(device, hands_at_rest(problem), judgement.gains, judgement.coupling, worlds, slow)
 
 
 def _ringing_record(found: Ringing | None, units: Units) -> RingingRecord | None:
@@ -207,13 +190,3 @@ def shake_columns(problem: Problem, judgement: Judgement) -> ShakeColumns:
         found |= {"buzz_hz": buzzes.frequency_hz}
         found |= {"buzz_N": buzzes.force_N or 0.0} if problem.device.commanded == "force" else {}
     return ShakeColumns(**found)
-
-
-def hands_at_rest(problem: Problem) -> Hands:
-    """Return the hands in which the chatter is taken: those of [operator], or the least operator of a problem that asks
-    for no box of hands."""
-    if problem.stability.criterion != "passive":
-        return problem.hands
-    least = problem.device.operator
-    alone = Hand(0.0, 0.0, 0.0) if least is None else Hand(least.mass, least.damping, 0.0)
-    return Hands(alone, alone)

@@ -7,6 +7,7 @@ circle, so that each damping has a stiffness to find by halving, and the best da
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from math import exp, inf, log
 
 import numpy as np
@@ -16,12 +17,15 @@ from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_up_to
 from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
+from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.rest import read_in_steps, settles
 from vctune.running import boxes_at_most, check_time
 
 PER_DECADE = 480  # angles for any passive hand
@@ -32,6 +36,13 @@ AT_ALL = 0.01  # Multiple of a wall below which an undamped device is at its lim
 NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
+
+# Of calm walls: dampings that are compared, as shares of that of the stiffest wall; least stiffness, over that of the
+# stiffest wall, and stiffnesses that are tried where none rests for sure; stiffnesses and dampings over those of the
+# stiffest that does; and how many times as many kicks it must bear
+SHARES, SOFTEST, MORE = np.geomspace(0.01, 1.5, 48), 0.02, 16
+STIFFER, DAMPED = (1.6, 1.45, 1.3, 1.15), (1.0, 1.3, 1.7)
+SOFTER = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.05, 0.03)
 
 Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
 
@@ -44,7 +55,10 @@ def stiffest_wall(posed: Posed) -> Proved | None:
     def best(seen: LookedAt, _: Law | None) -> Law | None:
         needed = problem.stability.safety_factor * (1 + seen.reserve)
         kind = _in_any_hand if problem.any_hand else _in_hands
-        wall = _stiffest(posed, [kind(device, seen, needed, ratio) for device in seen.devices])
+        bears = [kind(device, seen, needed, ratio) for device in seen.devices]
+        wall = _stiffest(posed, bears)
+        if wall is not None and problem.stability.calm:
+            wall = _calmest(posed, bears, wall)
         return None if wall is None else (NO_LOOP, wall)
 
     devices = list(dict.fromkeys(case.device for case in posed.cases))
@@ -82,13 +96,11 @@ def _in_hands(device: Device, seen: LookedAt, needed: float, ratio: float | None
     return bears
 
 
-def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
-    """Return the stiffest wall that every device bears; of several equally stiff, that of least
-    error."""
+def _stiffness_at(posed: Posed, devices: Sequence[Bears]) -> Callable[[float], float]:
+    """Return the greatest stiffness that every device bears, as a function of the damping; 0 if there is none."""
     problem = posed.problem
-    device, dampings, springs = problem.device, problem.bounds.damping, problem.bounds.stiffness
-    scale = device.mass / device.loop_lag + device.damping
-    greatest = min(springs.max, GREATEST * scale / device.sample_time)
+    springs = problem.bounds.stiffness
+    greatest = min(springs.max, GREATEST * _scale(problem.device) / problem.device.sample_time)
     least = max(springs.min, LEAST * greatest)
 
     def stiffness(damping: float) -> float:
@@ -100,6 +112,20 @@ def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
         if stable(high) or not stable(low):
             return exp(high) if stable(high) else 0.0
         return exp(last_to_hold(stable, low, high, HALVINGS))
+
+    return stiffness
+
+
+def _scale(device: Device) -> float:
+    """Return about the greatest damping that a sampled device bears, N s/m."""
+    return float(device.mass / device.loop_lag + device.damping)
+
+
+def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
+    """Return the stiffest wall that every device bears; of several equally stiff, that of least
+    error."""
+    problem, stiffness = posed.problem, _stiffness_at(posed, devices)
+    dampings, scale = problem.bounds.damping, _scale(problem.device)
 
     def worth(damping: float) -> tuple[float, float]:
         """Minus the stiffness, and the error."""
@@ -119,6 +145,50 @@ def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
     # the best damping may be the greatest or the least that is stable, so that it is rounded both ways
     decimals = {float(f"{x * (1 + up):.6g}") for x in (low, 0.5 * (low + high), high) for up in (-1e-6, 0, 1e-6)}
     best = min((x for x in (best, *sorted(decimals)) if dampings.min <= x <= dampings.max), key=worth)
-    _, wall = design_of(rounded(problem, point(NO_LOOP, SpringDamper(best, stiffness(best)))))
-    assert isinstance(wall, SpringDamper)
-    return wall
+    return _rounded(posed, SpringDamper(best, stiffness(best)))
+
+
+def _rounded(posed: Posed, wall: SpringDamper) -> SpringDamper:
+    _, found = design_of(rounded(posed.problem, point(NO_LOOP, wall)))
+    assert isinstance(found, SpringDamper)
+    return found
+
+
+def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> SpringDamper | None:
+    """Return about the stiffest wall that no kick keeps moving; None if none of those that were tried is calm.
+
+    The walls that are tried are stiffer than those that come to rest for sure (model/README.md, section 20), then the
+    stiffest of these, then softer ones.
+    """
+    problem, stiffness = posed.problem, _stiffness_at(posed, devices)
+    dampings, springs = problem.bounds.damping, problem.bounds.stiffness
+    least = max(springs.min, SOFTEST * stiffest.stiffness)
+
+    def calm(wall: SpringDamper) -> bool:
+        rings = ringing_of(posed, problem.device, NO_LOOP, wall)
+        kicks = (buzz_of(problem, rings, NO_LOOP, wall, more) for more in (1, MORE))
+        return all(of is None or of.moving == 0 for of in kicks)
+
+    def settled(damping: float) -> float:
+        def comes_to_rest(log_stiffness: float) -> bool:
+            wall = SpringDamper(damping, exp(log_stiffness))
+            return all(settles(Design(case.device, NO_LOOP, wall)) for case in posed.cases)
+
+        most = stiffness(damping)
+        if most <= least or not comes_to_rest(log(least)):
+            return 0.0
+        return most if comes_to_rest(log(most)) else exp(last_to_hold(comes_to_rest, log(least), log(most), HALVINGS))
+
+    tried = sorted({float(np.clip(stiffest.damping * share, dampings.min, dampings.max)) for share in SHARES})
+    known = problem.device.friction is not None and read_in_steps(problem.device) is not None
+    found = max((settled(damping), damping) for damping in tried) if known else (0.0, 0.0)
+    for stiffer, damped in (*product(STIFFER, DAMPED), (1 - RESERVE, 1.0)) if found[0] > 0 else ():
+        spring, damping = found[0] * stiffer, min(found[1] * damped, dampings.max)
+        if spring <= stiffness(damping) and calm(wall := _rounded(posed, SpringDamper(damping, spring))):
+            return wall
+    for share in SOFTER:  # what rests is not known: the softer and the less damped a wall, the less it buzzes
+        for damping in tried[:: len(tried) // 4]:
+            spring = min(share * stiffest.stiffness, stiffness(damping))
+            if spring >= least and calm(wall := _rounded(posed, SpringDamper(damping, spring))):
+                return wall
+    return None

@@ -328,6 +328,11 @@ class StabilityTable(Table):
         "device.velocity.resolution may be at most twice device.friction. This limits coupling.stiffness of an "
         "impedance display and gains.position of an admittance display.",
     )
+    calm: Flag = Field(
+        False,
+        description="Whether no kick may keep a wall moving: a fixed set of kicks is simulated, with device.friction "
+        "and the steps of device.velocity.resolution. It is simulated, not proved.",
+    )
     damping_ratio: DampingRatio | None = Field(
         None,
         description="Least damping ratio, up to 0.7, of every oscillation in the hands of [operator] with the "

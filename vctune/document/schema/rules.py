@@ -123,7 +123,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     file = Stated(raw)
     rules = (
         _ranges, _bands, _constraints, _environments, _long_delays, _parts, _display, _in_hands_alone, _law, _rest,
-        _damping,
+        _damping, _calm,
         _names, _rotary_hands,
     )  # fmt: skip
     found = [(_path(key), message) for rule in rules for key, message in rule(file)]
@@ -554,6 +554,16 @@ def _damping(file: Stated) -> Found:
         and isnan(file("environment.stiffness.max"))
     ):
         yield "environment.stiffness", "has no greatest value, which stability.damping_ratio needs; write max"
+
+
+def _calm(file: Stated) -> Found:
+    """Yield why kicks cannot be demanded to come to rest: of another display than a wall, or where nothing rubs."""
+    if file.value("stability.calm") is not True:
+        return
+    if not (file.impedance and file.value("environment.stiffness") == inf):
+        yield "stability.calm", "is of a wall (environment.stiffness = inf) of an impedance display; leave it out"
+    elif file.value("device.friction") is None and file.value("device.velocity.resolution") is None:
+        yield "stability.calm", "needs device.friction and device.velocity.resolution, without which nothing buzzes"
 
 
 def _hands_of_servo(file: Stated) -> Found:

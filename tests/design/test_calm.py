@@ -1,0 +1,130 @@
+"""A damping ratio and a calm wall on demand: what is certified has it by own eigenvalues and own kicks."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from command import run
+from conftest import DRAWS
+from loop import Loop, slowest
+from rubbing import Rubbing
+from rubbing import run as struck
+
+import vctune
+from vctune.document.text.toml import toml_text
+
+ARM = """[device]
+sample_time = 2e-3
+servo = { delay = 0.024, bandwidth_hz = 14.0, order = 2 }
+[tool]
+mass = 1.5
+[environment]
+mass = 0.0
+stiffness = 0.0
+[coupling]
+rule = "euler"
+[stability]
+damping_ratio = 0.1
+"""
+PADDLE = """[device]
+display = "impedance"
+mass = 0.05
+damping = 0.1
+friction = 0.5
+sample_time = 1e-3
+velocity = { resolution = 1e-4 }
+[environment]
+stiffness = inf
+[operator]
+mass = { max = 0.05 }
+damping = { max = 2.0 }
+stiffness = { max = 300.0 }
+[stability]
+criterion = "hands"
+calm = true
+"""
+
+
+def own_ratio(mass: float, drag: float, hand: tuple[float, float, float]) -> float:
+    device = tomllib.loads(ARM)["device"]
+    M = mass - drag * device["sample_time"]  # by the trapezoidal rule
+    coupling = (2 * M / device["sample_time"], M, drag)
+    return slowest(Loop(device, (0.0, 0.0), coupling, hand), at_rest=False)[0]
+
+
+def test_an_arm_keeps_its_ratio_with_about_the_least_drag():
+    """By eigenvalues over the box of hands; no mass on a grid does it with 5 % less drag."""
+    found = vctune.solve(vctune.problem(tomllib.loads(ARM))).judgement
+    assert found is not None and found.status is vctune.Status.CERTIFIED
+    hands = [(m, b, k) for m in (1.5, 1.75, 2.0) for b in (0.0, 15.0, 30.0) for k in (1e-3, 1.0, 30.0, 300.0, 1e3, 3e3)]
+    law = found.coupling
+    assert min(own_ratio(law.mass, law.drag, hand) for hand in hands) >= 0.1
+    for mass in law.drag * np.linspace(0.014, 0.03, 9):
+        assert min(own_ratio(mass, 0.95 * law.drag, hand) for hand in hands) < 0.1
+
+
+def test_a_ratio_that_is_missed_names_its_hand(tmp_path):
+    """By a count of poles; the least repair is a design that has the ratio."""
+    (tmp_path / "arm.toml").write_text(ARM)
+    (tmp_path / "gains.toml").write_text('[coupling]\nrule = "euler"\nmass = 1.4369202\ndrag = 67.421015\n')
+    done = run("check", "arm.toml", "gains.toml", cwd=tmp_path)
+    assert done.returncode == 1
+    hand = re.search(r"in the hand of (\S+) kg, (\S+) N s/m, (\S+) N/m: every oscillation", done.stdout)
+    assert hand and own_ratio(1.4369202, 67.421015, tuple(map(float, hand.groups()))) < 0.1
+
+
+REFUSED = {
+    "stability.damping_ratio": [
+        ARM.replace("[environment]\nmass = 0.0\nstiffness = 0.0\n", ""),
+        ARM.replace("servo = { delay = 0.024, bandwidth_hz = 14.0, order = 2 }", "mass = 0.4\ndamping = 2.0").replace(
+            '[coupling]\nrule = "euler"\n', ""
+        ),
+        PADDLE.replace('criterion = "hands"', 'criterion = "both"').replace("calm = true", "damping_ratio = 0.1"),
+    ],
+    "environment.mass": [ARM.replace("mass = 0.0\n", "mass = { max = 2.0 }\n")],
+    "environment.stiffness": [ARM.replace("stiffness = 0.0\n", "")],
+    "stability.calm": [
+        PADDLE.replace("stiffness = inf", "stiffness = inf").replace("friction = 0.5\n", "").replace("velocity", "# "),
+        ARM.replace("damping_ratio = 0.1", "calm = true"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("key", "text"), [(key, text) for key, texts in REFUSED.items() for text in texts])
+def test_what_has_no_proof_is_refused_in_its_line(key, text):
+    with pytest.raises(vctune.InputError) as error:
+        vctune.problem(tomllib.loads(text))
+    assert any(mistake.key == key for mistake in error.value.mistakes)
+
+
+def moving(wall: vctune.SpringDamper, count: int, rng: np.random.Generator) -> int:
+    """Return how many own kicks keep a handle of `PADDLE` moving, in hands that are nearly let go or hold it."""
+    hands = rng.uniform(0, [0.05, 2.0, 300.0], (count, 3)) * (rng.random((count, 1)) < 0.67)
+    walls = [Rubbing(0.05, 0.1, 1e-3, wall.stiffness, wall.damping, 1e-4, 0.5, hand=tuple(hand)) for hand in hands]
+    at, speeds, held = (rng.uniform(*ends, count) for ends in ((-5e-5, 5e-5), (0.0, 1.5), (-0.6, 0.6)))
+    seen = struck(walls, at, speeds, held, 3.0, 0.5, parts=40)
+    return int((seen.moved > 1e-7).sum())
+
+
+@pytest.mark.slow
+def test_a_calm_wall_rests_after_own_kicks():
+    """It is not much softer than the stiffest wall; that one is not certified if it buzzes."""
+    file = vctune.problem(tomllib.loads(PADDLE))
+    calm = vctune.solve(file).judgement
+    free = vctune.solve(vctune.problem(tomllib.loads(PADDLE.replace("calm = true", "")))).judgement
+    assert calm is not None and calm.status is vctune.Status.CERTIFIED and calm.kicked.moving == 0
+    assert moving(calm.coupling, 20 * DRAWS, np.random.default_rng(3)) == 0
+    judged = vctune.judge(file.problem, free.gains, free.coupling)
+    if judged.kicked.moving:
+        assert judged.status is vctune.Status.VIOLATED
+    assert calm.coupling.stiffness > 0.1 * free.coupling.stiffness
+
+
+def test_a_wall_that_buzzes_fails_where_calm_is_demanded(tmp_path):
+    (tmp_path / "wall.toml").write_text(PADDLE)
+    (tmp_path / "gains.toml").write_text(toml_text({"coupling": {"damping": 30.0, "stiffness": 9500.0}}))
+    done = run("check", "wall.toml", "gains.toml", cwd=tmp_path)
+    assert done.returncode == 1 and "not calm, as simulated" in done.stdout
