@@ -18,6 +18,7 @@ ROOT = Path(__file__).parent.parent
 TREES = ("vctune", "problems", "results", "tests", "docs", ".github")
 CHAPTERS = {
     "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-arm-in-ten-minutes docs/tutorials/my-robot-shakes "
+    "docs/tutorials/stable-and-it-shakes "
     "vctune/document vctune/document/off-the-menu vctune/cli docs/what-else",
     "Look up": "explain/code explain/key explain/term explain/device explain/claim vctune problems results reference",
     "More tools": "vctune/firmware vctune/identification vctune/study vctune/simulation vctune/report vctune/api",

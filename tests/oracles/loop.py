@@ -459,7 +459,8 @@ def turn(loop: Loop, theta: Any) -> Any:
 def slowest(loop: Loop, *, at_rest: bool) -> tuple[float, float, float]:
     """Return damping ratio, frequency and time constant of the least damped oscillation of one loop."""
     z = np.linalg.eigvals(matrix(loop, at_rest=at_rest).astype(float)).astype(complex)
-    s = np.log(z[(np.abs(z) > 1e-3) & (np.abs(z - 1) > 1e-5)]) / loop.T
+    heard = np.abs(z + 1) > 1e-9  # a rigid coupling and a mass behind it are one
+    s = np.log(z[(np.abs(z) > 1e-3) & (np.abs(z - 1) > 1e-5) & heard]) / loop.T
     s = s[np.abs(s.imag) > 2 * math.pi * 0.1]
     if not s.size:
         return math.inf, 0.0, math.inf

@@ -429,7 +429,7 @@ def damped_servo(rng: Rng, *parts: str, order: int = 1, world: str, uncertain: i
         box = np.array([*map(decimal, high * rng.choice([0, 0, 0.3], 3))]), np.array([*map(decimal, high)])
         late_by = device["servo"]["delay"] + 0.2 / device["servo"]["bandwidth_hz"]
         scale = high[2] * late_by * decades(rng, 0.2, 1.0) + high[1]
-        b_c = inf if world == "nothing" else scale * decades(rng, 0.3, 1.0)
+        b_c = inf if world == "nothing" or rng.random() < 0.4 else scale * decades(rng, 0.3, 1.0)
         coupling = (b_c, decimal(scale * device["sample_time"] * decades(rng, 0.3, 1.5)), decimal(scale))
         low, most = _world(rng, coupling[2], device["sample_time"], world)
         if most[0] > 0:
@@ -719,7 +719,8 @@ SENTENCES: dict[str, Callable[[Rng], Sentence]] = {
     "wall in hands, springs": lambda rng: display(rng, "springs", "filter", rigid=True),
     "damped servo": lambda rng: damped_servo(rng, order=2, world="nothing"),
     "damped servo, position": lambda rng: damped_servo(rng, "position", "low-pass", world="nothing"),
-    "damped servo, spring": lambda rng: damped_servo(rng, "spring", order=2, world="spring"),
+    "damped servo, spring": lambda rng: damped_servo(rng, "spring", order=2, world="nothing"),
+    "damped servo, a spring behind": lambda rng: damped_servo(rng, order=2, world="spring"),
     "damped servo, box of environments": lambda rng: damped_servo(rng, "late sensor", world="box"),
     "damped servo, uncertain": lambda rng: damped_servo(rng, world="nothing", uncertain=1),
     "damped wall": damped_wall,

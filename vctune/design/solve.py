@@ -30,6 +30,8 @@ NOT_ALONE = "no mass and drag within their bounds was found that is stable in ev
 MORE_FELT = "allow more coupling.drag or coupling.mass"
 NOT_BEFORE_WORLDS = "no design within the bounds was found that is stable with every stated environment in every hand"
 NO_WALL = "no wall within the bounds of coupling was found that is stable in every hand"
+NOT_DAMPED = "no design within the bounds was found with this damping ratio in every hand"
+LESS_DAMPED = "demand a smaller stability.damping_ratio"
 NO_CALM_WALL = "no wall within the bounds of coupling was found that no simulated kick keeps moving"
 LESS_STIFF = "allow less coupling.stiffness"
 BOUND = "the search of every box"  # Name of the search of every box among the stages that a time limit may cut short
@@ -74,7 +76,9 @@ def _along_limit(problem: Problem, progress: Progress) -> Solved:
     found, alone = None if proved is None else proved.judgement, has_nothing_behind(problem)
     no_wall = NO_CALM_WALL if problem.stability.calm else NO_WALL
     miss = (no_wall, LESS_STIFF) if problem.rigid else (NOT_ALONE if alone else NOT_BEFORE_WORLDS, MORE_FELT)
-    wider = problem.worlds is not None and not (problem.rigid or follows_limit(problem))
+    if (ratio := problem.stability.damping_ratio) is not None:
+        miss = NOT_DAMPED, LESS_DAMPED
+    wider = problem.worlds is not None and not (problem.rigid or follows_limit(problem)) and ratio is None
     if wider and (found is None or found.status is not Status.CERTIFIED):
         prepared = prepare(replace(problem, worlds=None))
         safe = optimum(prepared, scan(prepared.scaled), progress).judgement

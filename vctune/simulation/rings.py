@@ -30,6 +30,8 @@ from vctune.simulation.worlds import RIGID, laws, least_damped_worlds
 # end of a range that begins at 0, local minima that are refined, and halvings of the distance from them
 ON_GRID, DECADES, STARTS, NARROWINGS = (7, 4, 14), 4.0, 6, 8
 STANDING = 1e-5  # Distance from 1 within which an eigenvalue belongs to a place without a restoring force
+# Distance from -1 of a mode that no motion contains: two masses by the trapezoidal rule that are one
+UNHEARD = 1e-9
 GONE = 1e-3  # Greatest modulus of an eigenvalue whose motion is over within a sample; rounded zeros are below it
 SLOWEST = 2 * pi * 0.1  # Least angular frequency of what shakes a hand, rad/s: what is slower drifts
 
@@ -150,6 +152,7 @@ def least_damped(matrices: Floats, sample_time: float) -> tuple[Floats, Floats]:
         s = np.log(z) / sample_time
         ratio = -s.real / np.abs(s)
     counted = (np.abs(z - 1) > STANDING) & (np.abs(z) > GONE) & (np.abs(s.imag) > SLOWEST)
+    counted &= np.abs(z + 1) > UNHEARD
     ratio = np.where(counted, ratio, np.inf)
     k, rows = np.argmin(ratio, axis=1), np.arange(len(z))
     return ratio[rows, k], s[rows, k]

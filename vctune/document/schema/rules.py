@@ -535,24 +535,16 @@ def _damping(file: Stated) -> Found:
         yield key, "is not proved with walls, which are met and left; leave one of them out"
     if file.value("uncertainty.unmodelled"):
         yield "uncertainty.unmodelled", "is not proved with stability.damping_ratio; leave one of them out"
-    mass = file.value("environment.mass")
-    if (
-        file.servo
-        and file.table("environment")
-        and not (file("environment.mass") >= 0 or file("environment.mass.max") == 0 or file("environment.mass.min") > 0)
-    ):
-        what = "is not stated, so that it may be" if mass is None else "may be"
+    if not file.servo or not file.table("environment"):
+        return
+    least, most = file("environment.mass.min"), file("environment.mass.max")
+    if not (file("environment.mass") >= 0 or most == 0 or (least > 0 and most > 0)):
         yield (
             "environment.mass",
-            f"{what} next to nothing, which rings at half the sampling rate by the trapezoidal rule: with "
-            "stability.damping_ratio write max = 0, or a min above 0",
+            "may be next to nothing or without limit, which rings at half the sampling rate or on a spring for ever: "
+            "with stability.damping_ratio write max = 0, or a min above 0 and a max",
         )
-    if (
-        file.servo
-        and file.table("environment")
-        and isnan(file("environment.stiffness"))
-        and isnan(file("environment.stiffness.max"))
-    ):
+    if isnan(file("environment.stiffness")) and isnan(file("environment.stiffness.max")):
         yield "environment.stiffness", "has no greatest value, which stability.damping_ratio needs; write max"
 
 

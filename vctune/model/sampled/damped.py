@@ -68,8 +68,10 @@ def _shares(
     jump, decay = stepped(coupling, T, rule)
     pole = 1 - decay * w
     heavy = not ops.is_zero(worlds.high.mass)
-    scale = pole * (1 + w) if heavy else pole
-    own = (coupling.drag * pole + jump * step) * ((1 + w) if heavy else 1) + scale * worlds.low.damping
+    turned = coupling.rigid and rule == "trapezoid"  # then the pole of the coupling is that of a mass, at z = -1
+    extra = 1 + w if heavy and not turned else 1
+    scale = pole * extra
+    own = (coupling.drag * pole + jump * step) * extra + scale * worlds.low.damping
     spans, springs = list[Span](), list[tuple[Complex | None, Complex, Number, Number]]()
     for name in NAMES:
         low, high = getattr(hands.low, name), getattr(hands.high, name)
@@ -81,7 +83,7 @@ def _shares(
             spans.append(Span(regular, low, high))
     low, high = worlds.low, worlds.high
     if heavy:
-        spans.append(Span((2 / T) * (step * pole), low.mass, high.mass))
+        spans.append(Span((2 / T) * (step if turned else step * pole), low.mass, high.mass))
     if not ops.is_zero(high.stiffness):
         springs.append((None, (T / 2) * ((1 + w) * scale), low.stiffness, high.stiffness))
     fixed: tuple[Complex, Complex | None] = (own, None)
