@@ -128,3 +128,9 @@ def test_a_wall_that_buzzes_fails_where_calm_is_demanded(tmp_path):
     (tmp_path / "gains.toml").write_text(toml_text({"coupling": {"damping": 30.0, "stiffness": 9500.0}}))
     done = run("check", "wall.toml", "gains.toml", cwd=tmp_path)
     assert done.returncode == 1 and "not calm, as simulated" in done.stdout
+
+
+def test_a_region_is_refused_where_its_cells_would_say_nothing_of_calm(tmp_path):
+    (tmp_path / "wall.toml").write_text(PADDLE)
+    done = run("region", "wall.toml", "--x", "coupling.damping", "--y", "coupling.stiffness", cwd=tmp_path)
+    assert done.returncode == 2 and "stability.calm: is not decided for cells" in done.stderr

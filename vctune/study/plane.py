@@ -82,6 +82,9 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     if problem.worlds is not None:
         message = "a region is proved with every passive environment; leave the table out of this problem"
         faults.append(("environment", message))
+    for key in ("calm", "damping_ratio"):
+        if getattr(problem.stability, key):
+            faults.append((f"stability.{key}", "is not decided for cells; leave it out of this problem"))
     if x == y:
         faults.append((x, "is both axes of the plane; choose another for x or y"))
     faults += [
