@@ -32,6 +32,7 @@ LITTLE_USE = 0.75  # Share of the error without a loop at or above which a desig
 MOST = 3  # Greatest number of active constraints on the first screen
 # Names of active constraints, by a part of the formula
 NAMES = {
+    "damping ratio": "Calm in the stated hands",
     "|S|": "Robustness of the velocity loop",
     "|1 - S|": "Robustness against unmodelled dynamics",
     "walls in a hand": "Stability at walls",

@@ -20,6 +20,7 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import OVER_LIMIT
 from vctune.proof.claims.band import ALONE
 from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.damping import DAMPING
 from vctune.proof.claims.poles import STABLE
 from vctune.proof.claims.registry import BEFORE_WALL, IN_HANDS
 from vctune.proof.claims.sensitivity import SENSITIVITY, UNMODELLED
@@ -97,6 +98,10 @@ def _demands(problem: Problem) -> list[Line]:
     if kind.own_loop and not problem.rigid:  # a wall closes no velocity loop
         most = f"≤ {stable.max_sensitivity:g}"
         lines.append(Line("|S| of the sampled loop", most, "", "up to the Nyquist frequency"))
+    if stable.damping_ratio is not None:
+        lines.append(Line("damping ratio", f"≥ {stable.damping_ratio:g}", "", "of every oscillation"))
+    if stable.calm:
+        lines.append(Line("kicks that keep it moving", "none", "", "simulated, not proved"))
     if problem.passive:
         lines.append(_band("stability band", stable.band.hz, "for any passive hand"))
     weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in kind.terms)
@@ -144,6 +149,9 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
         return f"least ratio {in_place(ratio, hertz(at))}", f"≥ {stability.safety_factor:g}"
     if claim == SENSITIVITY.id and loop is not None:
         return f"peak {peak_in_words(loop)}", f"≤ {stability.max_sensitivity:g}"
+    if claim == DAMPING.id:
+        seen = "" if record.ringing is None else f"least ratio {limit(record.ringing.damping_ratio)} (estimated)"
+        return seen, f"≥ {stability.damping_ratio:g}"
     if claim == STABLE.id and loop is not None:
         return "; ".join([str(limit(loop.spectral_radius, up=True)), *margins_in_words(loop)]), "< 1"
     hands, where = proof.hands if proof is not None else None, ""
@@ -160,11 +168,18 @@ def found(claim: ClaimId, record: DesignRecord, problem: Problem, required: Sequ
         elif least.worst_world is not None:
             world = least.worst_world.row(None, units)
             where += f", with {world.value} {world.unit}"
+    return _least(least, where, problem)
+
+
+def _least(
+    least: Required | HandsRecord | WallsRecord | WallRecord | None, where: str, problem: Problem
+) -> tuple[str, str]:
+    """Return a least ratio with its place, and the safety factor; empty texts without one."""
     if least is None:
         return "", ""
     bounded = least.min_ratio is not None or (problem.worlds is None and not problem.rigid)
     reached = f"{in_place(least.min_ratio, least.worst_hz)}{where}" if bounded else "no limit"
-    return f"least ratio {reached}", f"≥ {stability.safety_factor:g}"
+    return f"least ratio {reached}", f"≥ {problem.stability.safety_factor:g}"
 
 
 def peak_in_words(loop: InnerLoopRecord) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.judging.judge import Judgement
+from vctune.design.judging.kicked import ringing_of
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import ConstraintPoint, points_as_one
 from vctune.design.records.claims import DeviceRecord, device_record
@@ -23,6 +24,7 @@ from vctune.proof.claims.rest import RESTS
 from vctune.proof.claims.walls import WALLS
 
 ACTIVE = 1e-5  # Multiplier above which the record lists a constraint as active
+NEAR_RATIO = 1.02  # Such a ratio of a damping ratio, of which designs keep a hundredth more
 AT_LIMIT = 1.01  # Greatest ratio, over the safety factor, of a claim that limits a design without multipliers
 DIGITS = 9  # Number of significant digits of multipliers, of which machines agree
 
@@ -86,6 +88,11 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
     if any(at_greatest_rest(problem, judgement, key) for key, _ in touched(problem, judgement)):
         said = RESTS.said_of(problem.device.kind)
         found.append(ActiveRecord(demand=said.rpartition(": ")[2], hz=None, multiplier=None))
+    if (ratio := problem.stability.damping_ratio) is not None:
+        rings = ringing_of(judgement.posed, judgement.tightest, judgement.gains, judgement.coupling)
+        if rings is not None and rings.damping_ratio <= NEAR_RATIO * ratio:
+            hz = hertz(rings.frequency)
+            found.append(ActiveRecord(demand=f"damping ratio >= {ratio:g}", hz=hz, multiplier=None))
     if judgement.gains.closed and AT_LIMIT * judgement.peak_sensitivity >= problem.stability.max_sensitivity:
         hz = hertz(judgement.worst_sensitivity)
         found.append(ActiveRecord(demand="|S| <= max_sensitivity", hz=hz, multiplier=None))
