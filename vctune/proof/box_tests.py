@@ -199,8 +199,7 @@ def spans_miss_zero(parts: Callable[[Number, Values], Any], fixed: Values) -> Te
             least = least + _least(along(span.of), span.low, span.high)
         found = bounded(least, boxes, alone=True)
         for number in map(along, rays):
-            one = bounded(number, boxes, alone=True)
-            found = _both(found, one)
+            found = _both(found, bounded(number, boxes, alone=True))
         return found
 
     return decided
@@ -224,14 +223,7 @@ def _least(x: Taylor, low: Number, high: Number) -> Number:
 
 def _both(one: Decided, other: Decided) -> Decided:
     """Return the result of two tests that must both hold: where the first does, that of the second."""
-    return by_flags(one.proved, other, one)
-
-
-def by_flags(where: Any, yes: Decided, no: Decided) -> Decided:
-    def column(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        return np.where(where, columns[0], columns[1])
-
-    return each_column(column, [yes, no])
+    return each_column(lambda columns: np.where(one.proved, *columns), [other, one])
 
 
 DIRECTIONS = np.exp(1j * np.linspace(-np.pi, np.pi, 97)[:-1])

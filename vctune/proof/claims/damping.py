@@ -3,7 +3,7 @@ j sqrt(1 - zeta^2)), in any hand of a box, with any environment of another (proo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -14,12 +14,14 @@ import numpy as np
 
 from vctune.model.demands import Demands
 from vctune.model.design import Design
+from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.filters import force_sections, velocity_sections
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.numbers.complexes import Complex, Ray, as_one
 from vctune.model.numbers.pair import Pair
+from vctune.model.parts import DELAYS
 from vctune.model.sampled.damped import AtRest, Spanned, characteristic, ray, without_position
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand
@@ -31,7 +33,7 @@ from vctune.proof.boxes import Values
 from vctune.proof.claims.cases import Case, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question
 from vctune.proof.claims.covered import Covered, of_design
-from vctune.proof.claims.delays import DelayPart
+from vctune.proof.claims.delays import DelayPart, Ends, parts_of, row_of
 from vctune.proof.claims.in_hands import Asked, Tests, decided, devices_of, ends_of, uncertain_in
 from vctune.proof.claims.poles import turned_back, turns
 from vctune.proof.enclosures.intervals import decimal
@@ -136,13 +138,30 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
         return [(beside_zero(spans_miss_zero(of(partial(_spanned, without_position, *boxed)), fixed), away), None)]
 
     asked = Asked(question, tests, lambda *_: False, apart=demands.rigid)
+    rows = ends_of(hands if demands.rigid else None, box)
+    for device in () if demands.rigid else _of_each_part(design.device, rows, uncertain):
+        number, more = poles_outside(replace(design, device=device), demands, middle, worlds.low)
+        boxes += more
+        if number != 0:
+            verdict = Verdict.REFUTED if isfinite(number) else Verdict.UNDECIDED
+            return Outcome(verdict, boxes, device=device, hand=middle)
     with boxes_at_most(MOST_BOXES):
-        found = decided(asked, ends_of(hands if demands.rigid else None, box))
+        found = decided(asked, rows)
     if found.verdict is not Verdict.PROVED:  # the estimate leaves out what oscillates below 0.1 Hz
         for hand, world in product(hands.corners, ends):
             if poles_outside(design, demands, hand, world)[0] > 0:
                 return Outcome(Verdict.REFUTED, found.boxes + boxes, hand=hand)
     return replace(found, boxes=found.boxes + boxes)
+
+
+def _of_each_part(device: Device, rows: Ends, uncertain: Sequence[str]) -> Iterator[Device]:
+    """Yield a device of each part of an uncertain delay: where the sensed force jumps, between two of them, poles do
+    not move continuously."""
+    if not any(key in uncertain for key in DELAYS):
+        return
+    for part in parts_of(device, rows):
+        middle = dict(zip(part.names, 0.5 * (part.low[:, 0] + part.high[:, 0]), strict=True))
+        yield device.with_numbers({key: float(middle[row_of(key)]) for key in uncertain})
 
 
 def _away(hands: Hands, worlds: Worlds, case: Case, along: Number) -> AtRest:
