@@ -14,7 +14,10 @@ from rubbing import Rubbing
 from rubbing import run as struck
 
 import vctune
+from vctune.design.prepared import pose
 from vctune.document.text.toml import toml_text
+from vctune.model.design import Design
+from vctune.proof.certificate import certify
 
 ARM = """[device]
 sample_time = 2e-3
@@ -74,6 +77,38 @@ def test_a_ratio_that_is_missed_names_its_hand(tmp_path):
     assert done.returncode == 1
     hand = re.search(r"in the hand of (\S+) kg, (\S+) N s/m, (\S+) N/m: every oscillation", done.stdout)
     assert hand and own_ratio(1.4369202, 67.421015, tuple(map(float, hand.groups()))) < 0.1
+
+
+JUMPS = """[device]
+sample_time = 0.002
+servo = { delay = 0.0038, bandwidth_hz = 27.2, order = 1 }
+[operator]
+mass = 1.76
+damping = 5.0
+stiffness = 41.0
+[environment]
+mass = 0.0
+stiffness = 0.0
+[coupling]
+rule = "euler"
+mass = 5.41
+drag = 131.0
+[uncertainty]
+"servo.delay" = { min = 0.0034, max = 0.0046 }
+[stability]
+criterion = "hands"
+damping_ratio = 0.6
+"""
+"""From 4 ms on, two samples, the sensed force jumps: nothing oscillates before, and with a ratio of 0.37 after it."""
+
+
+def test_a_ratio_that_jumps_with_the_delay_is_seen_on_both_sides():
+    """By the proof alone, without an estimate of where to look: no pole crosses the curve on either side."""
+    problem = vctune.problem(tomllib.loads(JUMPS)).problem
+    posed = pose(problem)
+    design = Design(posed.demands.device, *problem.fixed_design)
+    found = certify(design, posed.demands, posed.box).outcomes["damping_ratio"]
+    assert found.verdict.value == "refuted" and found.device.servo.delay > 0.004
 
 
 REFUSED = {
