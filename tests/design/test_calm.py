@@ -168,4 +168,4 @@ def test_a_wall_that_buzzes_fails_where_calm_is_demanded(tmp_path):
 def test_a_region_is_refused_where_its_cells_would_say_nothing_of_calm(tmp_path):
     (tmp_path / "wall.toml").write_text(PADDLE)
     done = run("region", "wall.toml", "--x", "coupling.damping", "--y", "coupling.stiffness", cwd=tmp_path)
-    assert done.returncode == 2 and "stability.calm: is not decided for cells" in done.stderr
+    assert done.returncode == 2 and "stability.calm: is simulated, and not decided for cells" in done.stderr

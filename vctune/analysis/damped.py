@@ -70,9 +70,18 @@ class ServoOnCurve:
     @np.errstate(all="ignore")
     def least(self, coupling: Coupling) -> float:
         """Return the least multiple of a coupling beyond which no pole is outside the curve; 0 if none is at any."""
+        return max(0.0, float(_real(self._multiples(coupling)).max(initial=0.0)))
+
+    @np.errstate(all="ignore")
+    def limits(self, coupling: Coupling) -> list[float]:
+        """Return `least` of each case alone: of each hand, with the first environment, then with the second."""
+        found = self._multiples(coupling)
+        return [max(0.0, float(_real(found[[k]]).max(initial=0.0))) for k in range(len(found))]
+
+    def _multiples(self, coupling: Coupling) -> Complexes:
+        """Return the numbers that, times a coupling, put a pole at each angle of the curve."""
         jump, decay = stepped(coupling, self.device.sample_time, self.device.rule)
-        own = coupling.drag + jump * (1 - self.w) / (1 - decay * self.w)
-        return max(0.0, float(_real(-self.met / own).max(initial=0.0)))
+        return np.asarray(-self.met / (coupling.drag + jump * (1 - self.w) / (1 - decay * self.w)))
 
 
 def _real(multiples: Complexes) -> Floats:

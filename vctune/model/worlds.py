@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
 from math import inf
+from typing import Any
 
+from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units, in_full
 
+WORLD = ("environment.mass", "environment.damping", "environment.stiffness")  # Keys of an environment's parameters
 OVER_LIMIT = "Z_c over its limit"  # name of the number by which a coupling may be divided before something fails
 
 
@@ -24,6 +27,16 @@ class World:
         """Return the parameters that are not 0, with units; "nothing" without any."""
         parts = ((self.mass, units.mass), (self.damping, units.damping), (self.stiffness, units.stiffness))
         return ", ".join(f"{in_full(number)} {unit}" for number, unit in parts if number) or "nothing"
+
+    @property
+    def by_key(self) -> dict[str, Number]:
+        """The parameters by their keys in a problem file."""
+        return dict(zip(WORLD, astuple(self), strict=True))
+
+    @classmethod
+    def of(cls, values: Mapping[str, Number]) -> World:
+        """Return the environment whose parameters a mapping states under their keys."""
+        return cls(*(values[key] for key in WORLD))
 
     def in_units(self, impedance: float, time: float) -> World:
         """Return the environment in other units of impedance and time."""
@@ -104,3 +117,19 @@ class WorldsMet:
 
     worlds: Worlds  # the box of environments
     factor: Number  # safety factor g >= 1; the coupling divided by any number from 1 to g must also render them stably
+
+
+@dataclass(frozen=True, slots=True)
+class PlacesInWorlds:
+    """Some angles for each of n owners, each in a hand with an environment: arrays of shape (n, places)."""
+
+    in_hands: PlacesInHands
+    worlds: World  # environment whose numbers are arrays of the same shape
+
+    def __getitem__(self, index: Any) -> PlacesInWorlds:
+        return PlacesInWorlds(self.in_hands[index], World(*(number[index] for number in astuple(self.worlds))))
+
+    @property
+    def each(self) -> list[PlacesInWorlds]:
+        """The first place of every owner, the second, and so on, in arrays of shape (n,)."""
+        return [self[:, k] for k in range(self.in_hands.at.shape[1])]

@@ -230,27 +230,37 @@ DIRECTIONS = np.exp(1j * np.linspace(-np.pi, np.pi, 97)[:-1])
 
 
 def _best_direction(fixed: Any, spans: Sequence[Any], rays: Sequence[Any], n: int) -> Floats:
-    """Return for each box a direction, shape (2, n), in which the middle of all numbers is farthest from 0."""
+    """Return for each box a direction, shape (2, n), in which all numbers are farthest from 0 by their linear parts, in
+    units of their real and imaginary parts."""
+    numbers = (*(part for of in (fixed, *(span.of for span in spans), *rays) for part in (of.re, of.im)),)
+    rows = max((number.row_count for number in numbers if isinstance(number, Taylor)), default=0)
 
-    def middle(part: Any) -> NDArray[Any]:
-        value = part.coefficients[0] if isinstance(part, Taylor) else getattr(part, "mid", part)
-        return np.broadcast_to(np.asarray(value, float), n)
-
-    def components(number: Any) -> Floats:
-        return np.real(np.conj(DIRECTIONS)[:, None] * (middle(number.re) + 1j * middle(number.im)))
+    def linear(part: Any) -> Floats:
+        if isinstance(part, Taylor):
+            return np.broadcast_to(part.coefficients[: 1 + rows], (1 + rows, n))
+        value = np.zeros((1 + rows, n))
+        value[0] = getattr(part, "mid", part)
+        return value
 
     def ends(span: Any) -> tuple[float, float]:
         low, high = (float(getattr(end, "mid", end)) for end in (span.low, span.high))
         return low, low if high == np.inf else high
 
-    least, size = components(fixed), np.abs(middle(fixed.re)) + np.abs(middle(fixed.im))
+    every = [(fixed, 1.0), *((span.of, ends(span)[1]) for span in spans)]
+    size = [sum(most * np.abs(linear(getattr(of, part))).sum(axis=0) for of, most in every) for part in ("re", "im")]
+    unit = [np.where(each > 0, each, 1.0) for each in size]
+
+    def components(of: Any) -> Floats:
+        scaled = linear(of.re) / unit[0] + 1j * (linear(of.im) / unit[1])
+        return np.real(np.conj(DIRECTIONS)[:, None, None] * scaled)
+
+    total = components(fixed)
     for span in spans:
         x, (low, high) = components(span.of), ends(span)
-        least = least + np.minimum(low * x, high * x)
-        size = size + high * (np.abs(middle(span.of.re)) + np.abs(middle(span.of.im)))
-    room = least / np.where(size > 0, size, 1.0)
-    for number in rays:
-        x = components(number)
+        total = total + np.where(x[:, :1] > 0, low, high) * x
+    room = total[:, 0] - np.abs(total[:, 1:]).sum(axis=1)
+    for ray in rays:
+        x = components(ray)[:, 0]
         room = np.minimum(room, x / np.maximum(np.abs(x).max(axis=0), 1e-300))
     best = DIRECTIONS[np.nanargmax(np.nan_to_num(room, nan=-np.inf), axis=0)]
-    return np.stack((best.real, best.imag))
+    return np.stack((best.real / unit[0], best.imag / unit[1]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from vctune.model.demands import Demands
 from vctune.model.hands import PlacesInHands
+from vctune.model.worlds import PlacesInWorlds
 from vctune.proof.box_tests import Margin, lower_bound_over
 from vctune.proof.boxes import Cells, Integers, over_each
 from vctune.proof.claims.cases import over
@@ -22,7 +23,7 @@ ROUNDING_OF_BOUNDS = 1e-9  # Rounding allowance: two intervals of b_c must be th
 
 
 # For each claim, places of n cells where it seems hardest to meet, each of shape (n,), the most critical first
-Places = dict[ClaimId, list[Floats | PlacesInHands]]
+Places = dict[ClaimId, list[Floats | PlacesInHands | PlacesInWorlds]]
 
 
 def proved_cells(demands: Demands, cells: Cells) -> Flags:
@@ -75,6 +76,7 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
         if claim.required is not None:
             required = over(claim.required, demands)
             for place in places[claim.id]:
+                assert not isinstance(place, PlacesInWorlds)
                 omega = rate * np.tan(place.at / 2) if isinstance(place, PlacesInHands) else place
                 asked.append((required, place, omega))
     for among in by_integrator(cells):

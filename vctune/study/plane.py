@@ -79,12 +79,10 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if of_one_device(problem) is None:
         faults.append(("uncertainty", "a region is proved for one device; leave the table out of this problem"))
-    if problem.worlds is not None:
-        message = "a region is proved with every passive environment; leave the table out of this problem"
-        faults.append(("environment", message))
-    for key in ("calm", "damping_ratio"):
-        if getattr(problem.stability, key):
-            faults.append((f"stability.{key}", "is not decided for cells; leave it out of this problem"))
+    if problem.worlds is not None and problem.worlds.walls:
+        faults.append(("environment.walls", "is not decided for cells; leave it out of this problem"))
+    if problem.stability.calm:
+        faults.append(("stability.calm", "is simulated, and not decided for cells; leave it out of this problem"))
     if x == y:
         faults.append((x, "is both axes of the plane; choose another for x or y"))
     faults += [
@@ -92,9 +90,10 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         for key in dict.fromkeys((x, y))
         if bounds[key].fixed
     ]
+    every = problem.device.kind.inverse or problem.worlds is not None or problem.stability.damping_ratio is not None
     faults += [
         (key, "is free but not an axis; fix it, or name it as x or y")
-        for key in (bounds if problem.device.kind.inverse else KEYS[:2])
+        for key in (bounds if every else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]
     return [Mistake("no-plane", key, message) for key, message in faults]

@@ -14,6 +14,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.hardest_hands import hardest_near
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
+from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.units import KEYS
@@ -113,6 +114,9 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     for problem in problems:
         hopeful = hopeful[proved_cells(pose(problem).demands, with_b_c.subset(hopeful))]
     kinds[hopeful] = Kind.FEASIBLE
+    beyond = _beyond_rest(problems[0].device, cells)
+    kinds[beyond[0] & (kinds == Kind.FEASIBLE)] = Kind.UNDECIDED
+    kinds[beyond[1]] = Kind.INFEASIBLE
     for problem, hardest in zip(problems, estimated.places, strict=True):
         undecided = np.flatnonzero(kinds == Kind.UNDECIDED)
         lost = _proved_infeasible(problem, cells.subset(undecided), _of_cells(hardest, undecided), free=free)
@@ -120,11 +124,26 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, estimated.damping, np.nan)
 
 
+def _beyond_rest(device: Device, cells: Cells) -> tuple[Flags, Flags]:
+    """Return the cells of which some law, and every law, goes beyond rest in a step by Euler: M <= D T, which a file
+    may not state."""
+    none = np.zeros(len(cells), bool)
+    if device.rule != "euler":
+        return none, none
+    mass, drag = KEYS.index("coupling.mass"), KEYS.index("coupling.drag")
+    T = device.sample_time
+    return cells.low[mass] <= T * cells.high[drag], cells.high[mass] <= T * cells.low[drag]
+
+
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
     """Return the cells to halve in x: the requirements change more with x than with y, or as much in a longer side."""
+    longer = squares[1] - squares[0] > squares[3] - squares[2]
+    if (
+        problems[0].worlds is not None or problems[0].stability.damping_ratio
+    ):  # whose limits take long, and change with both
+        return longer
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     with_x, with_y = (changes(problems, cells, axis, free=free) for axis in plane.axes)
-    longer = squares[1] - squares[0] > squares[3] - squares[2]
     return np.where(with_x == with_y, longer, with_x > with_y)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -27,9 +27,13 @@ from vctune.proof.boxes import Cells
 from vctune.proof.cells import Places, admissible_damping
 from vctune.proof.claims.any_hand import WALL_IN_ANY_HAND
 from vctune.proof.claims.band import inwards
+from vctune.proof.claims.claim import ClaimId
+from vctune.proof.claims.damping import DAMPING
 from vctune.proof.claims.sensitivity import SENSITIVITY
 from vctune.proof.claims.wall_in_hands import WALL_IN_HANDS
+from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.enclosures.intervals import TINY, Flags
+from vctune.study.region_places import Limits, hard_places, limits_in_worlds, limits_on_curve
 
 COUPLING_DAMPING = KEYS.index("coupling.damping")
 LOWEST = 1e-4  # Least angle of the grid for walls, rad
@@ -106,8 +110,13 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         scarcities.append(hard.max(axis=1))
         meets &= scarcities[-1] <= 1
         places[WALL_IN_ANY_HAND.id] = [theta[np.argmax(hard, axis=1)]]
-    grid = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
-    for claim in () if problem.rigid else requirements(problem, gains, grid):
+    for name, limits, allowed in _limits(problem):
+        found = hard_places(limits, cells, allowed)
+        scarcities.append(found.multiple / allowed)
+        meets &= found.meets  # at every corner, else a proof would try in vain
+        places[name] = [found.places]
+    grid, apart = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE), problem.rigid or problem.worlds
+    for claim in () if apart else requirements(problem, gains, grid):
         required = problem.stability.safety_factor * claim.required
         if free and isinstance(coupling, Coupling):
             required = required - coupling.drag
@@ -127,6 +136,14 @@ def _hardest_places(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         gap = np.log(np.maximum(least, cells.low[COUPLING_DAMPING]) / np.minimum(most, cells.high[COUPLING_DAMPING]))
         missed = np.maximum(missed, np.where(np.isfinite(gap), gap, -inf))
     return _Hardest(least, most, meets, places, missed)
+
+
+def _limits(problem: Problem) -> Iterator[tuple[ClaimId, Limits, float]]:
+    """Yield the claims whose hardest places are hands with environments, with the multiples that may fail."""
+    if problem.worlds is not None and problem.hands_met is not None:
+        yield WORLDS.id, limits_in_worlds(problem), 1 / problem.stability.safety_factor
+    if problem.stability.damping_ratio is not None:
+        yield DAMPING.id, limits_on_curve(problem), 1.0
 
 
 def _limits_before_wall(device: Device, hands: Hands, walls: SpringDamper) -> tuple[Floats, PlacesInHands]:

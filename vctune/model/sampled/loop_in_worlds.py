@@ -9,7 +9,10 @@ from math import inf
 from typing import Any, NamedTuple
 
 from vctune.model.gains import Coupling, Rule, sampled_reactance, sampled_resistance
+from vctune.model.hands import NAMES, Hand, Hands
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.complexes import Complex
+from vctune.model.sampled.damped import AtRest, Span, Spanned
 from vctune.model.worlds import Worlds
 
 # Value that the code adds to a divisor that is a sum of magnitudes, because all the magnitudes may be 0; other divisors
@@ -143,6 +146,32 @@ def limp_disjuncts(
         if not ops.is_zero(low.stiffness):
             above = (*(sin * term for term in above), low.stiffness * (cos * cos * (sample_time / 2)) * size)
     return Disjuncts((offered.resistance * size, -(factor * seen.lost), *kept), above, None, None)
+
+
+def spanned_impedance(
+    offered: ZOffered,
+    seen_of: Callable[[Hand], ZSeen],
+    hands: Hands,
+    worlds: Worlds,
+    sample_time: Number,
+    theta: Number,
+    ops: Arithmetic,
+) -> AtRest:
+    """Return the whole impedance of a servo, with its imaginary part times sin(theta/2) cos(theta/2): regular numbers
+    spanned by hand and environment, of which a damper behind the coupling is a ray."""
+    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
+    alone = seen_of(Hand(0, 0, 0))
+    spans = []
+    for name in NAMES:
+        unit = seen_of(Hand(**{each: int(each == name) for each in NAMES}))
+        share = Complex(alone.lost - unit.lost, cos * (alone.swing - unit.swing))
+        spans.append(Span(share, getattr(hands.low, name), getattr(hands.high, name)))
+    inertia, compliance = sin * sin * (2 / sample_time), cos * cos * (sample_time / 2)
+    spans.append(Span(Complex(0 * theta, inertia), worlds.low.mass, worlds.high.mass))
+    spans.append(Span(Complex(0 * theta, -compliance), worlds.low.stiffness, worlds.high.stiffness))
+    real = offered.resistance - alone.lost + worlds.low.damping
+    fixed = Complex(real, sin * offered.reactance - cos * alone.swing)
+    return AtRest(Spanned(fixed, tuple(spans)), (Complex(1 + 0 * theta, 0 * theta),))
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:

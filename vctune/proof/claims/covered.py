@@ -18,6 +18,7 @@ from vctune.model.device import Device
 from vctune.model.hands import PlacesInHands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import KEYS, keys_of
+from vctune.model.worlds import PlacesInWorlds
 from vctune.proof.box_tests import Margin, lower_bound_over
 from vctune.proof.boxes import HALF_TURN, Boxes, Cells, Integers, Values, band_of, joined, over_band, over_each
 from vctune.proof.claims.cases import Case, over
@@ -174,7 +175,7 @@ def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
 
 
 # Estimated places of n cells: frequencies, rad/s, or angles omega T, rad, some with a hand; None without any
-Place = Floats | PlacesInHands | None
+Place = Floats | PlacesInHands | PlacesInWorlds | None
 
 
 def negative(*margins: Callable[[Case, Number], Number]) -> Callable[[Covered, Place], Flags]:
@@ -183,12 +184,13 @@ def negative(*margins: Callable[[Case, Number], Number]) -> Callable[[Covered, P
     def lost(cells: Covered, places: Place) -> Flags:
         if places is None:
             return np.zeros(cells.owners, bool)
-        boxes = over_each(Cells(cells.low, cells.high), places)
-        return np.any([_most(cells.margin(each), boxes) < 0 for each in margins], axis=0)
+        assert not isinstance(places, PlacesInWorlds)
+        return np.any([most(cells, each, places) < 0 for each in margins], axis=0)
 
     return lost
 
 
-def _most(margin: Margin, boxes: Boxes) -> Floats:
-    """Return an upper bound of a margin over each box."""
+def most(cells: Covered, of: Callable[[Case, Number], Number], places: Floats | PlacesInHands) -> Floats:
+    """Return an upper bound of a margin over each cell, at a place of each."""
+    margin, boxes = cells.margin(of), over_each(Cells(cells.low, cells.high), places)
     return -lower_bound_over(lambda at, values: -margin(at, values), boxes, {})

@@ -123,7 +123,7 @@ def _prove(question: Question) -> Outcome:
 
     # the requirement of a servo is convex in the hand
     corners = None if kind.own_loop else demands.hands.corners
-    ends = ends_of(demands.hands, question.box, corners, at_rest=limp(design, demands))
+    ends = ends_of(demands.hands, question.box, corners, at_rest=limp(demands, integral=design.gains.position > 0))
     found = no_pole_crosses(Asked(question, tests, certainly(question, hand_margin), apart=True), ends)
     return and_without_reserve(found, _prove, question)
 
@@ -253,9 +253,10 @@ def _with_possible_shares(demands: Demands, boxes: Boxes) -> tuple[Boxes, Flags]
     return replace(boxes, low=least, high=most), np.any(least > most, axis=0)
 
 
-def prove_cells(test: Test, boxes: Boxes, owners: int, *, whole_hands: bool = False) -> Flags:
+def prove_cells(test: Test, boxes: Boxes, owners: int, effort: Effort = EFFORT, *, whole_hands: bool = False) -> Flags:
+    """Return the owners of which all boxes are proved."""
     halved = [not whole_hands or name not in HAND for name in boxes.names]
-    return prove(test, boxes, owners, EFFORT, halved=halved, only_whole=True).proved
+    return prove(test, boxes, owners, effort, halved=halved, only_whole=True).proved
 
 
 def _required(case: Case, theta: Number) -> Number:

@@ -79,12 +79,12 @@ def uncertain_in(box: DeviceBox | None) -> tuple[str, ...]:
     return box.modelled.uncertain if box is not None else ()
 
 
-def limp(design: Design, demands: Demands) -> bool:
+def limp(demands: Demands, *, integral: bool) -> bool:
     """Return whether the margin of a coupling vanishes near angle 0: the position is free in a hand without stiffness,
     before a device that senses a force. F itself vanishes wherever the position is free (`free_at_rest`)."""
     assert demands.hands is not None
-    free = free_at_rest(demands, integral=design.gains.position > 0)
-    return free and design.device.kind.senses_force and demands.hands.low.stiffness == 0
+    free = free_at_rest(demands, integral=integral)
+    return free and demands.device.kind.senses_force and demands.hands.low.stiffness == 0
 
 
 def tested_with(
@@ -98,7 +98,7 @@ def tested_with(
     rho^2."""
     demands, uncertain = question.demands, uncertain_in(question.box)
     test = positive(over(margin, demands, uncertain, part.delays), fixed)
-    if at_rest is None or not limp(question.design, demands):
+    if at_rest is None or not limp(demands, integral=question.design.gains.position > 0):
         return test
     return beside_zero(sufficient(over(at_rest, demands, uncertain, part.delays), fixed), test, AT_REST)
 

@@ -154,7 +154,9 @@ def _prove(question: Question, known: Outcomes) -> Outcome:
 
     # each share of the coupling has margins of its own
     reserve = demands.factor if demands.factor > 1 else None
-    ends = ends_of(demands.hands, question.box, at_rest=limp(design, demands), reserve=reserve)
+    ends = ends_of(
+        demands.hands, question.box, at_rest=limp(demands, integral=design.gains.position > 0), reserve=reserve
+    )
     return no_pole_crosses(Asked(question, tests, fails), ends)
 
 

@@ -6,15 +6,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from math import pi
+from math import nextafter, pi
 from typing import Any
 
 import numpy as np
 
 from vctune.model.demands import Demands
 from vctune.model.design import Design
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import Number
+from vctune.model.sampled.damped import AtRest
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand, seen_in_limp_hand
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
@@ -25,15 +26,23 @@ from vctune.model.sampled.loop_in_worlds import (
     margin_names,
     offered_at,
     real_at_nyquist,
+    spanned_impedance,
     sum_of,
 )
-from vctune.model.worlds import WorldsMet
-from vctune.proof.boxes import Values
-from vctune.proof.claims.cases import Case, exact_case
+from vctune.model.sampled.plant_in_hand import ServoInHand
+from vctune.model.worlds import PlacesInWorlds, Worlds, WorldsMet
+from vctune.proof.box_tests import beside_zero, positive, spans_miss_zero, sufficient
+from vctune.proof.boxes import Cells, Values, over_cells, over_hands, with_row
+from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question, Suspect
+from vctune.proof.claims.covered import Covered, Place, most
+from vctune.proof.claims.damping import OF_CELL, poles_beyond
 from vctune.proof.claims.delays import DelayPart
+from vctune.proof.claims.hands import band, few, prove_cells
 from vctune.proof.claims.in_hands import (
+    AT_REST,
     ON_AXES,
+    RHO_SHARES,
     Asked,
     Tests,
     devices_of,
@@ -43,10 +52,12 @@ from vctune.proof.claims.in_hands import (
     no_pole_crosses,
     tested_with,
 )
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, between, negative, surely_negative
+from vctune.proof.claims.poles import hand_turns
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, between, decimal, negative, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import check_time
 
+NEXT_TO_REST = "resistive", "above"  # names of the margins that can be positive next to rest
 NARROW, HALVINGS = 1e-10, 10  # relative width of a crossing; halvings of it in which the resistance is seen negative
 
 
@@ -148,7 +159,7 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
     demands = replace(question.demands, worlds=worlds.linear)
     question, devices = replace(question, demands=demands), devices_of(question)
     names = margin_names(worlds, demands.factor)
-    limp_names = [name for name in names if name in ("resistive", "above")]
+    limp_names = [name for name in names if name in NEXT_TO_REST]
     margin = partial(_sums_of, margins_in_worlds, names)
     at_rest = partial(_sums_of, limp_margins_in_worlds, limp_names) if limp_names else None
 
@@ -170,8 +181,86 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
     def tests(part: DelayPart, fixed: Values) -> Tests:
         return [(tested_with(question, part, fixed, margin, at_rest), None)]
 
-    ends = ends_of(demands.hands, box, at_rest=limp(design, demands))
+    ends = ends_of(demands.hands, box, at_rest=limp(demands, integral=design.gains.position > 0))
     return no_pole_crosses(Asked(question, tests, fails), ends)
+
+
+def _spanned(hands: Hands, worlds: Worlds, case: Case, theta: Number) -> AtRest:
+    plant = case.held()
+    assert isinstance(plant, ServoInHand)
+    device, ops = case.design.device, case.ops
+
+    def seen_of(hand: Hand) -> ZSeen:
+        return seen_in_hand(loop_in_hand(replace(plant, hand=hand), theta, ops), case.design.gains)
+
+    offered = offered_at(case.design.series.times(case.share), device.sample_time, device.rule, theta, ops)
+    return spanned_impedance(offered, seen_of, hands, worlds, device.sample_time, theta, ops)
+
+
+def _hold_for_servo(cells: Covered) -> Flags:
+    """Return the cells of which each design is stable: the whole impedance of a servo is linear in hand and
+    environment."""
+    demands, hands, worlds = cells.demands, cells.demands.hands, cells.demands.worlds
+    assert worlds is not None and hands is not None
+    exact = Hands(hands.low.mapped(decimal), hands.high.mapped(decimal)), worlds.linear.converted(decimal)
+    test = spans_miss_zero(over(partial(_spanned, *exact), demands), exact[0].low.by_key)
+    proved = hand_turns(cells.centres()).number == 0
+    left = np.flatnonzero(proved)
+    boxes = over_cells(Cells(cells.low[:, left], cells.high[:, left]), band())
+    boxes = with_row(boxes, COUPLING_SHARE, nextafter(1 / demands.factor, 0.0) if demands.factor > 1 else 1.0, 1.0)
+    proved[left] = prove_cells(test, boxes, len(left), OF_CELL)
+    return proved
+
+
+def _hold(cells: Covered) -> Flags:
+    """Return the cells of which each design is stable in every hand with every environment."""
+    worlds, hands = cells.demands.worlds, cells.demands.hands
+    assert worlds is not None and hands is not None
+    servo = cells.demands.device.servo
+    if servo is not None and not servo.radii:
+        return _hold_for_servo(cells)
+    demands = replace(cells.demands, worlds=worlds.linear)
+    names = margin_names(worlds, demands.factor)
+    test, at_rest = positive(over(partial(_sums_of, margins_in_worlds, names), demands), {}), False
+    if limp(demands, integral=cells.integral):
+        limp_names, at_rest = [name for name in names if name in NEXT_TO_REST], True
+        near = sufficient(over(partial(_sums_of, limp_margins_in_worlds, limp_names), demands), {})
+        test = beside_zero(near, test, AT_REST)
+    proved = np.zeros(cells.owners, bool)
+    for some in few(np.flatnonzero(hand_turns(cells.centres()).number == 0)):
+        boxes = over_hands(Cells(cells.low[:, some], cells.high[:, some]), hands, band())
+        if at_rest:
+            boxes = with_row(boxes, RHO_SHARES[0], 0.0, 0.0)
+            boxes = with_row(boxes, RHO_SHARES[1], 0.0, float(hands.high.stiffness > 0))
+        proved[some] = prove_cells(test, boxes, len(some), whole_hands=demands.device.servo is not None)
+    return proved
+
+
+def _lost(cells: Covered, places: Place) -> Flags:
+    """Return the cells throughout which the loop is unstable, each at its place: a servo by its poles, another display
+    because its loop meets an environment of the box there."""
+    if not isinstance(places, PlacesInWorlds):
+        return np.zeros(cells.owners, bool)
+    worlds = cells.demands.worlds
+    assert worlds is not None
+    cells = replace(cells, demands=replace(cells.demands, worlds=worlds.linear, damping_ratio=0.0))
+    lost, names = np.zeros(cells.owners, bool), margin_names(worlds, cells.demands.factor)
+
+    def one(k: int, case: Case, theta: Number) -> Number:
+        return _sums_of(margins_in_worlds, names, case, theta)[k]
+
+    hands = cells.demands.hands
+    assert hands is not None
+    inside = places.in_hands.hands.mapped(np.clip, hands.low, hands.high)  # an estimate may be next to the box
+    for place in replace(places, in_hands=replace(places.in_hands, hands=inside)).each:
+        left = np.flatnonzero(~lost & np.isfinite(place.in_hands.at))
+        some, at = cells.subset(left), place[left]
+        if cells.demands.device.servo is not None:
+            share = min(nextafter(1 / cells.demands.factor, 1.0), 1.0)
+            lost[left] = np.nan_to_num(poles_beyond(some, at, share), nan=0.0) > 0
+        else:
+            lost[left] = np.all([most(some, partial(one, k), at.in_hands) < 0 for k in range(len(names))], axis=0)
+    return lost
 
 
 WORLDS = Claim(
@@ -191,4 +280,6 @@ WORLDS = Claim(
     when='for an admittance display or a servo with the criterion "hands" or "both", with `[environment]`',
     asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
     prove=_prove,
+    cells=_hold,
+    lost=_lost,
 )
