@@ -34,6 +34,27 @@ def test_a_name_is_found_however_it_is_written(asked, kind, name):
     assert (kind, name) in {(entry.kind, entry.name) for entry in explain(asked).entries}
 
 
+# Words that newcomers typed in vain, in three rounds
+TYPED = (
+    "gripper", "payload", "table", "pose", "ros2", "gear", "capstan", "negative damping", "second mode", "latency",
+    "time-varying hand", "energy tank", "virtual spring", "detent", "compensator", "ringing", "damping ratio", "buzz",
+    "voltage", "back-EMF", "feed-forward", "teleoperation", "limit cycle", "quantisation", "friction compensation",
+    "gravity_compensation", "jitter", "MoveIt Pro", "two handles", "1 N from rest", "rings for", "feels like",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("word", TYPED)
+def test_words_of_newcomers_are_known(word):
+    assert all(entry.text for entry in explain(word).entries)
+
+
+def test_a_word_that_is_no_misspelling_is_answered_with_the_index_of_tasks(tmp_path):
+    done = run("explain", "xyzzy", cwd=tmp_path)
+    assert done.returncode == 2 and not done.stdout
+    assert "solve a device: vctune solve" in done.stderr and "did you mean" not in done.stderr
+    assert "solve a device" not in run("explain", "xyzzy", "--quiet", cwd=tmp_path).stderr
+
+
 def test_a_name_that_there_is_not_is_told_the_nearest(tmp_path):
     done = run("explain", "devise.mass", cwd=tmp_path)
     assert done.returncode == 2 and "device.mass" in done.stderr

@@ -74,6 +74,52 @@ def test_pd_on_the_position_is_pi_on_the_velocity():
     assert stable(device, greatest * 0.999, 300.0) and not stable(device, greatest * 1.001, 300.0)
 
 
+def of_two_handles(K: float, B: float, late: int) -> float:
+    """Return the spectral radius of two equal handles whose firmware couples them by a spring and a damper, each by the
+    other's position `late` samples ago; without what moves both together, which nothing holds."""
+    over, pushed = held(np.array([[0.0, 1.0], [0.0, -B_PADDLE / M_PADDLE]]), np.array([0.0, 1 / M_PADDLE]))
+    n = 4 * (late + 2)  # position and velocity of both, and positions of both one to late + 1 samples ago
+    A = np.zeros((n, n))
+    for one in (0, 1):
+        other, row, past = 1 - one, 2 * one, 4 + (late + 1) * np.array([0, 1])
+        force = np.zeros(n)
+
+        def at(which: int, ago: int, past=past) -> int:
+            return 2 * which if ago == 0 else int(past[which]) + ago - 1
+
+        for ago, sign, which in ((0, -1, one), (late, 1, other)):
+            force[at(which, ago)] += sign * (K + B / T)
+            force[at(which, ago + 1)] -= sign * B / T
+        A[row : row + 2, row : row + 2] += over
+        A[row : row + 2] += np.outer(pushed, force)
+        A[past[one], row] = 1.0
+        for ago in range(late):
+            A[past[one] + ago + 1, past[one] + ago] = 1.0
+    z = np.linalg.eigvals(A)
+    return float(np.abs(z[np.abs(z - 1) > 1e-5]).max())
+
+
+M_PADDLE, B_PADDLE = 0.01, 0.3
+
+
+@pytest.mark.parametrize("late", [0, 1, 2])
+def test_two_coupled_handles_are_one_before_a_wall_of_twice_the_spring(late):
+    damping = 0.5
+    own = limit(lambda K: of_two_handles(K, damping, late), 1.0, 1e5)
+    device = {"display": "impedance", "mass": M_PADDLE, "damping": B_PADDLE, "sample_time": T, "delay": late * T / 2}
+    tables = {
+        "device": device,
+        "environment": {"stiffness": np.inf},
+        "operator": {"mass": {"max": 0.0}, "damping": {"max": 0.0}, "stiffness": {"max": 0.0}},
+        "stability": {"criterion": "hands", "safety_factor": 1.0},
+    }
+    problem, verdicts = vctune.problem(tables).problem, []
+    for share in (0.97, 1.03):
+        wall = vctune.SpringDamper(2 * damping, 2 * own * share)
+        verdicts.append(vctune.judge(problem, Gains(0.0, 0.0), wall).status.value)
+    assert verdicts == ["certified", "violated"]
+
+
 @pytest.mark.parametrize("word", WORDS)
 def test_explain_knows_the_words(word):
     entries = vctune.explain(word).entries

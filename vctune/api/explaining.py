@@ -27,11 +27,14 @@ from vctune.study.row_record import SHOWN_COLUMNS
 # Guides with the table of codes, the glossary, the claims, and the columns of a sweep
 CODES, TERMS, PROOFS, COLUMNS = (f"vctune/{place}README.md" for place in ("cli/", "", "proof/", "study/"))
 DEVICES = "vctune/document/off-the-menu.md"  # Guide to devices that have no key of their own
+TASKS = "docs/README.md"  # Guide with the index of tasks, in a checkout; an installed package has it inside
 FILES = {"problem": "vctune/document/README.md", "log": "vctune/identification/README.md"}  # guide of each kind of file
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)  # A table in Markdown: heads and rows
 CELLS = re.compile(r"(?<!\\)\|")  # The border between two cells: "|", but not "\|"
 # What labels of tables and JSON keys add to a term: a frequency, a condition, a text, a symbol, a unit
+MISTYPED = 0.8  # Least likeness of a word that the user may have meant; what is less alike is another word
 ENDINGS = (r"(, at|,| at) ([\d.]+ Hz|at rest)$", r", if .*$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
+LINK = re.compile(r"\[([^]]*)\]\(([^)#]*)[^)]*\)")  # a link in Markdown: its text and its file
 PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
 
 
@@ -39,7 +42,7 @@ PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
 class Entry:
     """The text on one name, in Markdown."""
 
-    kind: str  # "code", "key", "term", "device" or "claim"
+    kind: str  # "code", "key", "term", "device", "claim" or "task"
     names: tuple[str, ...]
     text: str
     guide: str  # path of the guide about it
@@ -78,8 +81,8 @@ def explain(name: str) -> Explanation:
     Returns
     -------
     Explanation
-        `entries`; each has its `kind` ("code", "key", "term", "device" or "claim"), its `name`, its `text` in Markdown,
-        and its `guide`.
+        `entries`; each has its `kind` ("code", "key", "term", "device", "claim" or "task"), its `name`, its `text` in
+        Markdown, and its `guide`.
 
     Raises
     ------
@@ -94,10 +97,24 @@ def explain(name: str) -> Explanation:
         for label in (asked, *stems, *(stem.replace("_", " ") for stem in stems)):
             if found := entries_of.get(fold(label)):
                 return Explanation(name, found)
-    forms = {_plain(form).lower(): form for each in entries() for form in (*each.names, each.name.rpartition(".")[2])}
-    near = [forms[form] for form in get_close_matches(asked.lower(), forms, n=3, cutoff=0.6)]
-    hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain` lists what there is"
+    near = nearest(asked)
+    hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain tasks` lists what there is to do"
     raise InputError.of(name, "unknown-name", f"is no code, key, claim, device or word of the glossary; {hint}")
+
+
+def nearest(name: str) -> list[str]:
+    """Return the names that a user may have meant to type."""
+    forms = {_plain(form).lower(): form for each in entries() for form in (*each.names, each.name.rpartition(".")[2])}
+    return [forms[form] for form in get_close_matches(_plain(name).lower(), forms, n=3, cutoff=MISTYPED)]
+
+
+def tasks() -> str:
+    """Return the index of tasks in Markdown, an item for each."""
+    found = []
+    for row in _tables(_guide(TASKS)):
+        page = LINK.sub(lambda link: f"{link[1]}, {link[2].removeprefix('../')}", row["page"])
+        found.append(f"- {row['I want to ...']}: {row.get('command') or page}")
+    return "\n".join(found)
 
 
 def _by_name(fold: Any) -> dict[str, list[Entry]]:
@@ -124,12 +141,13 @@ def entries() -> tuple[Entry, ...]:
             Entry("key", (key,), f"Column of a sweep: {', '.join(filter(None, said))}.", COLUMNS)
             for key, said in columns.items()
         ),
-        *map(_term, _rows(TERMS, "## Glossary\n")),
         *(
             Entry("device", tuple(row["word"].split(", ")), row["what to write"], DEVICES)
             for row in _rows(DEVICES, "## What to write\n")
         ),
+        *map(_term, _rows(TERMS, "## Glossary\n")),
         *map(_claim, CLAIMS.values()),
+        Entry("task", ("tasks", "index", "help"), tasks(), TASKS),
     )
 
 
@@ -172,8 +190,20 @@ def _claim(claim: Any) -> Entry:
 
 def _rows(guide: str, heading: str) -> Iterator[dict[str, str]]:
     """Yield the rows of the tables below a heading of a guide."""
-    text = (Path(str(files("vctune"))).parent / guide).read_text(encoding="utf-8").partition(heading)[2]
-    for heads, rows in TABLE.findall(re.split(r"^## ", text, flags=re.MULTILINE)[0]):
+    text = _guide(guide).partition(heading)[2]
+    yield from _tables(re.split(r"^## ", text, flags=re.MULTILINE)[0])
+
+
+def _guide(path: str) -> str:
+    """Return the text of a guide."""
+    package = Path(str(files("vctune")))
+    inside = package / path
+    return (inside if inside.is_file() else package.parent / path).read_text(encoding="utf-8")
+
+
+def _tables(text: str) -> Iterator[dict[str, str]]:
+    """Yield the rows of the tables in a text in Markdown."""
+    for heads, rows in TABLE.findall(text):
         for row in rows.splitlines():
             cells = (cell.strip().replace("\\|", "|") for cell in CELLS.split(row.strip("|")))
             yield dict(zip((head.strip() for head in heads.split("|")), cells, strict=True))

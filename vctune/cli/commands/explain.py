@@ -23,6 +23,7 @@ TITLES = {
     "term": "Terms",
     "device": "Devices without a key",
     "claim": "Claims",
+    "task": "What to do",
 }
 
 
@@ -42,8 +43,14 @@ def explain(run: Run, name: str | None) -> int:
     design.json. A code is the word in brackets after an error or a warning.
     """
     from vctune.api import explaining
+    from vctune.document.text.errors import InputError
 
-    found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
+    try:
+        found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
+    except InputError:
+        if name is not None and not (run.quiet or explaining.nearest(name)):
+            click.echo(_page(explaining.explain("tasks").entries[0]) + "\n", err=True)
+        raise
     pages = _contents(found.entries) if name is None else map(_page, found.entries)
     run.say(found.to_json, lambda: (("\n\n".join(pages),) for _ in range(1)))
     return 0
