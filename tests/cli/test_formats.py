@@ -57,7 +57,7 @@ def workflow_commands(text):
 def test_github_survives_any_text(file, name, message):
     """Every message is one command of one line and 200 characters at most; the whole of a longer one is in the log. The
     names have no blanks around them, which the runner strips."""
-    (found,) = workflow_commands(github(Checked(Path(file), name, CheckVerdict.UNDECIDED, message, 7, {})))
+    (found,) = workflow_commands(github(Checked(Path(file), name, CheckVerdict.UNDECIDED, message, 7, {}), []))
     assert found[:2] == ("warning", {"file": file, "line": "7", "title": f"vctune: {name}"})
     whole = len(message) <= 200 and "\n" not in message
     assert found[2] == message if whole else found[2].endswith(REST) and len(found[2]) <= 200
@@ -73,6 +73,7 @@ def test_github_annotates_the_line_of_the_gain_to_change(folder):
     command, line, message = places["poor.toml"]
     key = re.search(r"(\w+) = \S+ instead of", message)[1]
     assert command == "error"
+    assert re.match(r"\S+ = \S+ instead of \S+ would pass; ", message)
     assert (folder / "poor.toml").read_text().splitlines()[int(line) - 1].startswith(key)
 
 
@@ -92,12 +93,15 @@ def test_warnings_reach_every_format(verdict, strict):
     """Beside the verdict; with --strict as errors, and none of them then passes."""
     found = Checked(Path("x.toml"), "x", verdict, "said", 3, Found(["mind, the: gap", "and more"]), strict)
     assert found.result is (CheckVerdict.FAILED if strict else verdict)
-    assert text(found).splitlines()[1:] == ["           warning: mind, the: gap", "           warning: and more"]
-    assert text(found).startswith("passed") == (found.result is CheckVerdict.PASSED)
+    assert text(found, found.warnings).splitlines()[1:] == [
+        "           warning: mind, the: gap",
+        "           warning: and more",
+    ]
+    assert text(found, found.warnings).startswith("passed") == (found.result is CheckVerdict.PASSED)
     assert check_object(found)["warnings"] == found.warnings
     level = "error" if strict else "warning"
     first = {CheckVerdict.PASSED: "notice", CheckVerdict.FAILED: "error", CheckVerdict.UNDECIDED: "warning"}[verdict]
-    commands = [(command, data) for command, _, data in workflow_commands(github(found))]
+    commands = [(command, data) for command, _, data in workflow_commands(github(found, found.warnings))]
     assert commands == [(first, "said"), (level, "mind, the: gap"), (level, "and more")]
 
 

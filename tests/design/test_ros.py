@@ -429,6 +429,23 @@ def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, monke
     )
 
 
+def test_a_warning_that_is_allowed_does_not_fail_a_strict_check_and_is_told_once(arm, monkeypatch):
+    """Two arms of one file with one slow filter: one warning; --strict fails for it, and does not if it is allowed."""
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
+    given = yaml.safe_load(PARAMETERS)["/**"]["admittance_controller"]["ros__parameters"]
+    both = {f"{side}_admittance": {"ros__parameters": given} for side in ("left", "right")}
+    (arm / "ros.yaml").write_text(yaml.safe_dump(both))
+    lost, allowed = (
+        vctune("check", "arm.toml", "ros.yaml", "--strict", *allow, cwd=arm)
+        for allow in ((), ("--allow", "ros-slow-filter"))
+    )
+    assert lost.stdout.count("[ros-slow-filter]") == allowed.stdout.count("[ros-slow-filter]") == 1
+    assert lost.returncode == 1 and "fails for its warnings" in lost.stdout
+    assert "fails for its warnings" not in allowed.stdout
+    wrong = vctune("check", "arm.toml", "ros.yaml", "--allow", "slow-filter", cwd=arm)
+    assert wrong.returncode == 2 and "slow-filter" in wrong.stderr
+
+
 def test_what_the_joints_lose_is_a_damping_of_every_axis():
     """Six joints, stepped as the controller does, against one axis each: joint_damping is 1/s and scales with M."""
     rng = np.random.default_rng(5)

@@ -31,7 +31,7 @@ from vctune.document.doubts import file_doubts
 from vctune.document.reading import GainsFile, ProblemFile, problem_of_gains
 from vctune.document.ros import TUNED
 from vctune.document.text import toml
-from vctune.document.text.errors import InputError, Mistake, Note
+from vctune.document.text.errors import InputError, Mistake, Note, code_of
 from vctune.model.design import Design
 from vctune.model.numbers.units import SYMBOLS
 from vctune.model.problem import Problem
@@ -103,6 +103,8 @@ class Checked:
     line: int  # line of the source to which the message refers
     finding: Finding | None  # details of the check; None for bad input
     strict: bool = False  # whether a warning fails the check
+    allowed: tuple[str, ...] = ()  # codes of warnings that do not fail it
+    remedy: str = ""  # the first change after which the design passes, in words
 
     @property
     def warnings(self) -> list[str]:
@@ -112,7 +114,8 @@ class Checked:
     @property
     def failed_by_warnings(self) -> bool:
         """Whether the check fails only because of its warnings."""
-        return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
+        counted = [each for each in self.warnings if code_of(each) not in self.allowed]
+        return self.strict and bool(counted) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
 
     @property
     def result(self) -> CheckVerdict:
@@ -161,7 +164,9 @@ def _judged(file: ProblemFile, design: GainsFile, progress: Progress) -> Checked
     shakes = in_few_words(*shaken_in_time(file.problem, judgement)) if judgement.status is Status.CERTIFIED else []
     message = "; ".join([said_of(judgement), *remedies, *([known] if known else []), *shakes])
     line = _line_to_change(design.text, finding.repairs, together)
-    return Checked(Path(design.source), file.problem.name, VERDICTS[judgement.status], message, line, finding)
+    first = remedies[0] if together else first_remedy(repairs)
+    said = VERDICTS[judgement.status]
+    return Checked(Path(design.source), file.problem.name, said, message, line, finding, remedy=first)
 
 
 def finding_of(file: ProblemFile, judgement: Judgement, repairs: Found, notes: Sequence[Note]) -> DesignFinding:
@@ -191,6 +196,14 @@ def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[s
     if found.tried:
         said.append(f"none of these, each changed alone, passes: {', '.join(found.tried)}")
     return said
+
+
+def first_remedy(found: Found, place: str = "") -> str:
+    """Return in words the first change after which the design passes; "" without one."""
+    for repair in sorted(found.repairs or [], key=lambda repair: bool(repair.assumes)):
+        stated = f"{place * (repair.key not in TUNED)}{repair}"
+        return f"with {stated}, if that is so, it passes" if repair.assumes else f"{stated} would pass"
+    return ""
 
 
 def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:

@@ -14,10 +14,19 @@ from vctune.cli.runner import Run, emit, worst
 @click.argument("paths", type=PATH, nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
 @click.option("--region", "baseline", type=PATH, help="Prove the cells and gains of this region.json again.")
 @click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
+@click.option("--allow", multiple=True, metavar="CODE", help="A code whose warnings do not fail with --strict.")
 @jobs_option("Number of files at a time.", 512)
 @out_option("NAME/lost.json and its picture")
 @time_limited
-def check(run: Run, paths: tuple[Path, ...], baseline: Path | None, strict: bool, jobs: int, out: Path) -> int:
+def check(
+    run: Run,
+    paths: tuple[Path, ...],
+    baseline: Path | None,
+    strict: bool,
+    allow: tuple[str, ...],
+    jobs: int,
+    out: Path,
+) -> int:
     """Prove gains that already exist. Each verdict is printed as soon as it is known; --format json is one list at the
     end. The exit code is the code of the worst result.
 
@@ -30,28 +39,35 @@ def check(run: Run, paths: tuple[Path, ...], baseline: Path | None, strict: bool
     """
     import json
     from dataclasses import replace
+    from typing import get_args
 
     from vctune.api.checking import CODES, check_object, planned, record_lost, started
     from vctune.api.result import folder_name
     from vctune.cli.formats import github, summary, text
+    from vctune.document.text.errors import Code
 
+    if unknown := [code for code in allow if code not in get_args(Code)]:
+        raise click.BadParameter(f"{', '.join(unknown)}: no code of a warning", param_hint="--allow")
     problems, plan = planned(paths, baseline)
     run.doubt(*problems)
-    checks, objects = [], []
+    checks, objects, told = [], [], set[tuple[Path, str]]()
     line = github if run.style == "github" else text
     try:
         with started(plan, jobs) as works:
             for work in works:
                 with run.progress() as progress:
-                    found = [replace(checked, strict=strict) for checked in work(progress)]
+                    found = [replace(checked, strict=strict, allowed=allow) for checked in work(progress)]
                 checks += found
                 for checked in found:
+                    # what a file states is told once, not for each of its axes
+                    new = [each for each in checked.warnings if (checked.source, each) not in told]
+                    told |= {(checked.source, each) for each in new}
                     if run.style == "json":
                         objects.append(check_object(checked))
                     elif run.style == "github" or not run.quiet:
-                        emit(line(checked))
+                        emit(line(checked, new))
                     elif checked.finding is None:
-                        click.echo(line(checked), err=True)
+                        click.echo(line(checked, new), err=True)
                     if said := record_lost(checked, out / folder_name(checked.name)):
                         click.echo(said, err=True)
     finally:  # a command that is ended prints what it knows

@@ -19,6 +19,7 @@ from vctune.design.check import (
     CheckVerdict,
     DesignFinding,
     finding_of,
+    first_remedy,
     remedy,
 )
 from vctune.design.judging.judge import Judgement, Status, judge
@@ -256,7 +257,8 @@ def _checked(
     parts += remedy(repairs, {}, f"in {problem.source} ")
     parts += [lighter] if lighter else []
     line = next((given.lines[repair.key] for repair in repairs.repairs or [] if repair.key in given.lines), line)
-    return Checked(Path(), "", verdict, "; ".join(parts), line, finding)
+    first = first_remedy(repairs, f"in {problem.source} ")
+    return Checked(Path(), "", verdict, "; ".join(parts), line, finding, remedy=first)
 
 
 def _explicit(axis: Admittance, T: float, units: Units) -> str:

@@ -36,10 +36,15 @@ def coded(text: str, code: Code) -> str:
     return f"{text} [{code}]"
 
 
+def code_of(line: str) -> str:
+    """Return the code at the end of a line; "" without one."""
+    match = ENDING.search(line)
+    return match[1] if match else ""
+
+
 def has_code(line: str | None, code: Code) -> bool:
     """Return whether a line ends with a code."""
-    match = ENDING.search(line or "")
-    return match is not None and match[1] == code
+    return code_of(line or "") == code
 
 
 @dataclass(frozen=True, slots=True)
