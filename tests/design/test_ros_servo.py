@@ -193,6 +193,7 @@ def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
         ("sprung", DESIGNED.replace("order = 2", "order = 2\nstiffness = 50.0")),
         ("filtered", DESIGNED.replace("[operator]", "[device.force_sensor]\nfilter_coefficient = 0.8\n[operator]")),
         ("series", DESIGNED.replace("inf", "5000.0")),
+        ("tool", DESIGNED + "[tool]\nmass = 0.2\n"),
     ):
         (tmp_path / f"{name}.toml").write_text(text)
         made = vctune("export", f"{name}.toml", "--to", "ros2", cwd=tmp_path)
@@ -204,6 +205,7 @@ def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
             rendered = coupling_of_admittance(axis, 2e-3, servo=True)
             assert rendered.mass == pytest.approx(5.0, rel=1e-5) and rendered.drag == pytest.approx(80.0, rel=1e-6)
             assert rendered.drag >= 80.0 and axis.stiffness == (50.0 if name == "sprung" else 0.0)
+        assert (given.load and given.load.weight) == (pytest.approx(0.2 * 9.81) if name == "tool" else None)
         assert given.filter_coefficient == (0.8 if name == "filtered" else 1.0)
         comments = [line for line in path.read_text().splitlines() if line.startswith("#")]
         assert any(problem.sha256 in line for line in comments) and any("Proved: stable" in line for line in comments)

@@ -8,9 +8,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from shlex import quote
 
-from vctune.design.ros.admittance import RenderedAxis, as_problem, device_tables, document_of_both, parameters_of
+from vctune.design.ros.admittance import (
+    RenderedAxis,
+    as_problem,
+    device_tables,
+    document_of_both,
+    parameters_of,
+)
 from vctune.document.reading import ProblemFile, problem_file
-from vctune.document.ros import AXES, AdmittanceFile
+from vctune.document.ros import AXES, GRAVITY, AdmittanceFile, Load
 from vctune.document.text.errors import InputError
 from vctune.document.text.json import digest
 from vctune.document.text.toml import toml_text
@@ -34,6 +40,9 @@ def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
     lines += [f"      # {', '.join(AXES)}", f"      selected_axes: [{selected}]"]
     lines += [f"      {name}: [{', '.join(map(_number, numbers))}]" for name, numbers in lists.items()]
     lines += [f"      joint_damping: {_number(first.joint_damping)}"]
+    if given.load is not None:
+        lines += ["    gravity_compensation: # [tool]; state its frame.id and CoG.pos", "      CoG:"]
+        lines += [f"        force: {_number(given.load.weight)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -114,4 +123,14 @@ def _require_servo(axis: RosAxis) -> None:
 
 def _parameters(axes: Sequence[RosAxis]) -> AdmittanceFile:
     rendered = [RenderedAxis(axis.axis, axis.file.problem.device, series_coupling(axis.coupling)) for axis in axes]
-    return parameters_of(rendered, axes[0].file.source)
+    return replace(parameters_of(rendered, axes[0].file.source), load=_load(axes))
+
+
+def _load(axes: Sequence[RosAxis]) -> Load | None:
+    """Return the tool that hangs on every axis; None without one, or if it is not one known mass."""
+    tools = {axis.file.problem.hands.tool for axis in axes}
+    tool = tools.pop()
+    turns = any(axis.file.problem.device.units == "rotary" for axis in axes)
+    if tools or tool is None or turns or tool.low != tool.high or tool.low.damping > 0 or tool.low.mass == 0:
+        return None
+    return Load(float(f"{tool.low.mass * GRAVITY:.6g}"), (0.0, 0.0, 0.0), turned=True)
