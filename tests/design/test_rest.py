@@ -231,7 +231,7 @@ def test_a_region_shows_where_it_rests():
     found = vctune.region(free, resolution=1 / 8)
     figure = region_figure(found.file.problem, found.region, found.designs, contours=False)
     lines = {line.get_label(): line.get_ydata()[0] for line in figure.axes[0].lines}
-    (at,) = (place for label, place in lines.items() if label.startswith("rests up to k_c"))
+    (at,) = (place for label, place in lines.items() if label.startswith("k_c = 2 f/q"))
     edges = found.region.plane.edges[1]
     assert np.interp(at, np.linspace(0, 1, len(edges)), edges) == pytest.approx(300.0, rel=0.02)
     with_rest = vctune.region(free | {"stability": {"criterion": "both", "rest": True}}, resolution=1 / 8)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, log2
 from pathlib import Path
@@ -19,6 +19,8 @@ from vctune.design.variables import keys_for
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
+from vctune.document.measured_points import MeasuredPoint
+from vctune.document.measured_points import measured_points as measured_points
 from vctune.document.reading import ProblemFile
 from vctune.document.text.errors import InputError, Mistake
 from vctune.exit_codes import ExitCode
@@ -45,6 +47,7 @@ class AdmissibleGains:
     solved: Solved  # the result of solving the problem
     marked: GivenDesign | None = None
     late: bool = False  # whether the time limit ended the search
+    measured: tuple[MeasuredPoint, ...] = ()  # points that the picture shows
 
     @property
     def areas(self) -> dict[str, float]:
@@ -86,7 +89,10 @@ class AdmissibleGains:
             )
         keys = self.region.plane.keys
         x, y = (keys[axis] for axis in self.region.plane.axes)
-        yield from ((line,) for line in [*lines, f"of the plane {x} by {y}"])
+        lines.append(f"of the plane {x} by {y}")
+        if self.measured:
+            lines.append(agreement(self.region, self.measured))
+        yield from ((line,) for line in lines)
 
     def files(self, folder: Path) -> Files:
         """Return region.json and its picture, also of a search that the time limit has ended: then without contours."""
@@ -95,7 +101,8 @@ class AdmissibleGains:
 
         contours = not out_of_time()
         with unlimited():
-            figure = region_figure(self.file.problem, self.region, self.designs, self.marked, contours=contours)
+            shown = self.designs, self.marked, self.measured
+            figure = region_figure(self.file.problem, self.region, *shown, contours=contours)
             text = json.dumps(self.record(), allow_nan=False) + "\n"
             return {folder / REGION_FILE: text, folder / PICTURE: picture(figure, Path(PICTURE).stem, "svg")}
 
@@ -108,6 +115,8 @@ def region(
     coupling: AnyCoupling | None = None,
     *,
     resolution: float = 1 / 256,
+    linear: bool = False,
+    points: str | Path | Sequence[MeasuredPoint] = (),
     solved: Solved | None = None,
     time_limit: float = inf,
     stopped: Callable[[], bool] = lambda: False,
@@ -126,6 +135,10 @@ def region(
         A design that the picture marks, or its file.
     resolution : float
         Side of the smallest cell as a share of the plane's side, 1/2048 to 1/8, rounded down to a power of 1/2.
+    linear : bool
+        Whether the axes are linear instead of logarithmic.
+    points : str or Path or sequence of MeasuredPoint
+        Measured points that the picture shows; or a CSV file with columns of both axes and of `stable` (yes or no).
     solved : Solved, optional
         The result of `solve` for the problem; None to solve it first.
     time_limit : float
@@ -152,6 +165,7 @@ def region(
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
     levels = ceil(-log2(resolution))
+    measured = measured_points(Path(points), (x, y)) if isinstance(points, str | Path) else points
     with limited(time_limit):
         marked = None
         if gains is not None:
@@ -159,9 +173,24 @@ def region(
         design = None if marked is None else (marked.gains, marked.coupling)
         solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
-            across = plane(file.problem, x, y, levels)
+            across = plane(file.problem, x, y, levels, linear=linear)
             cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
-            return AdmissibleGains(file, cells, solved, design, late=cells.interrupted and not stopped())
+            late = cells.interrupted and not stopped()
+            return AdmissibleGains(file, cells, solved, design, late, tuple(measured))
+
+
+def agreement(region: Region, points: Sequence[MeasuredPoint]) -> str:
+    """Return how many measured points agree with the cells around them, and which do not."""
+    against, (x, y), (a, b, c, d) = list[str](), region.plane.edges, region.squares
+    for point in points:
+        around = (x[a] <= point.x) & (point.x <= x[b]) & (y[c] <= point.y) & (point.y <= y[d])
+        if not point.stable and (region.kinds[around] == Kind.FEASIBLE).any():
+            against.append(f"({point.x:g}, {point.y:g})")
+    stable = sum(point.stable for point in points)
+    counted = f"measured     {stable} stable, {len(points) - stable} unstable"
+    if not against:
+        return f"{counted}; no unstable one is in a feasible cell"
+    return f"{counted}; unstable in a feasible cell: {', '.join(against)}: the device is not the one of the file"
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:

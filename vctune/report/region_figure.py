@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -19,11 +20,10 @@ from vctune.design.judging.judge import IDLE_TRACKING
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
+from vctune.document.measured_points import MeasuredPoint
 from vctune.model.gains import Gains
-from vctune.model.loop.limits import lags
-from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.model.rest import greatest_at_rest
+from vctune.report.region_lines import RATIOS, Line, drawable, lines, mesh_of
 from vctune.report.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, log_ticks, text_of_ticks
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
@@ -38,6 +38,8 @@ CELLS = {
 }
 # Height of the strip for the line K_p = 0, and distance of the strip from the plane, as shares of the plane
 STRIP, GAP = 0.03, 0.008
+LINES = "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))  # dashes of the limits of the literature
+EVEN = 1e-6  # Relative difference of the steps of an even axis
 APART = 0.06  # Least distance between ticks, as a share of the axis
 MESH = 48  # Number of nodes along each axis of the mesh for contours
 
@@ -57,7 +59,9 @@ class _Axis:
     def ticks(self) -> dict[float, str]:
         """Return the texts of the ticks by their positions."""
         low, high = float(self.edges[self.edges > 0][0]), float(self.edges[-1])
-        round_ones = MaxNLocator(6) if high < 3 * low else log_ticks(low, high)
+        steps = np.diff(self.edges)
+        even = high < 3 * low or np.ptp(steps) <= EVEN * steps.max()
+        round_ones = MaxNLocator(6) if even else log_ticks(low, high)
         inside = [value for value in round_ones.tick_values(low, high)[::-1] if low <= value <= high]
         found: dict[float, float] = {}
         for value in ([0.0] if self.edges[0] == 0 else []) + inside:  # from the top, where the ticks are farthest apart
@@ -72,10 +76,11 @@ def region_figure(
     region: Region,
     designs: Sequence[GivenDesign],
     marked: GivenDesign | None = None,
+    measured: Sequence[MeasuredPoint] = (),
     *,
     contours: bool = True,
 ) -> Figure:
-    """Return the figure of a region, with contours of the error."""
+    """Return the figure of a region, with contours of the error, limits of the literature and measured points."""
     plane, kind = region.plane, problem.device.kind
     with rc_context(STYLE | {"font.size": 8, "legend.fontsize": 7}):
         title = "interrupted: some undecided cells were not examined" if region.interrupted else ""
@@ -89,9 +94,11 @@ def region_figure(
         _marked(axes, plane, [marked] if marked else [], "given gains", ORANGE, "X")
         if contours and set(plane.axes) == {0, 1} and kind.banded:
             _contours(axes, problem, region)
-            if problem.passive:
-                _limit(axes, problem, plane)
-        _rest(axes, problem, plane)
+        elif contours:
+            _contours_of_designs(axes, problem, region)
+        for line, style in zip(lines(problem), LINES, strict=False):
+            _limit(axes, plane, line, style)
+        _measured(axes, plane, measured)
         figure.legend(loc="outside upper center", ncols=2)
     return figure
 
@@ -183,25 +190,34 @@ def _lines(
         axes.plot([], [], dashes, color=colour, linewidth=1.0, label=label)
 
 
-def _rest(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw the greatest stiffness with which the device rests between the steps of its encoder."""
-    stiffness = 3 if problem.device.kind.inverse else 1  # k_c or K_p
-    greatest = greatest_at_rest(problem.device)
-    if greatest is None or stiffness not in plane.axes:
+def _limit(axes: Axes, plane: Plane, line: Line, style: Any) -> None:
+    """Draw a limit of the literature."""
+    values = drawable(plane, line)
+    if values is None:
         return
-    along = plane.axes.index(stiffness)
-    at = float(_axes(plane)[along].places(greatest))
-    label = f"rests up to {'k_c' if stiffness == 3 else 'K_p'} = 2 f/q"
-    if np.isfinite(at):
-        (axes.axvline if along == 0 else axes.axhline)(at, color=INK, linewidth=1.4, linestyle="-.", label=label)
-
-
-def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies. tau is the lag of the drive: T/2, the delay
-    and the actuator's lag."""
-    device, along = problem.device, plane.axes.index(0)
-    K_v = plane.edges[along]
-    K_p = (device.damping + K_v) / float(lags(device, FLOATS).drive)
-    at = [axis.places(K_v if k == along else K_p) for k, axis in enumerate(_axes(plane))]
+    at = [axis.places(value) for axis, value in zip(_axes(plane), values, strict=True)]
     if np.isfinite(sum(at)).any():
-        axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")
+        axes.plot(*at, linestyle=style, color=INK, linewidth=1.4, label=line.label)
+
+
+def _contours_of_designs(axes: Axes, problem: Problem, region: Region) -> None:
+    """Draw contours of the error and of the least damping ratio of single designs, where they are proved feasible."""
+    mesh = mesh_of(problem, region)
+    if mesh is None or np.isfinite(mesh.error).sum() < 4:
+        return
+    levels = {float(f"{level:.2g}") for level in np.nanquantile(mesh.error, (0.02, 0.1, 0.3, 0.6, 0.9))}
+    _lines(axes, mesh.at, mesh.error.T, sorted(levels), INK, "error", "-")
+    ratio = np.where(np.isinf(mesh.ratio), RATIOS[-1] * 2, mesh.ratio)
+    if np.isfinite(ratio).sum() >= 4:
+        _lines(axes, mesh.at, ratio.T, RATIOS, RED, "least damping ratio", ":")
+
+
+def _measured(axes: Axes, plane: Plane, points: Sequence[MeasuredPoint]) -> None:
+    """Mark measured points."""
+    along = _axes(plane)
+    for stable, mark, label in ((True, "o", "measured stable"), (False, "x", "measured unstable")):
+        some = [(float(along[0].places(p.x)), float(along[1].places(p.y))) for p in points if p.stable is stable]
+        if some:
+            x, y = zip(*some, strict=True)
+            fill, edge = (PAPER, INK) if stable else (INK, None)
+            axes.scatter(x, y, 26, fill, marker=mark, edgecolors=edge, label=label, zorder=4, clip_on=False)

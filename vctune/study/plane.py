@@ -99,8 +99,9 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     return [Mistake("no-plane", key, message) for key, message in faults]
 
 
-def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return the plane of two free variables of a problem, its edges equally spaced in the optimiser's coordinates."""
+def plane(problem: Problem, x: str, y: str, levels: int, *, linear: bool = False) -> Plane:
+    """Return the plane of two free variables of a problem, its edges equally spaced in the optimiser's coordinates, or
+    in the variables themselves."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     coordinate_of = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
     keys, bounds, edges = keys_for(problem), ranges(problem), list[Floats]()
@@ -108,6 +109,7 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
     for axis in axes:
         along = coordinate_of[axis]
         inner = [along.to_x(z) * units[axis] for z in np.linspace(along.low, along.high, 2**levels + 1)[1:-1]]
+        inner = np.linspace(bounds[axis].min, bounds[axis].max, 2**levels + 1)[1:-1].tolist() if linear else inner
         edges.append(np.array([bounds[axis].min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds[axis].max]))
     return Plane(axes, (edges[0], edges[1]), bounds)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -24,22 +25,33 @@ from vctune.cli.runner import Run
     show_default="1/256",
     help="Least side of a cell, as a share of the plane's.",
 )
+@click.option("--linear", is_flag=True, help="Linear axes instead of logarithmic ones.")
+@click.option("--points", type=PATH, help="CSV of measured points: both axes, and stable (yes or no).")
 @out_option()
 @time_limited
 def region(
-    run: Run, problem: Path, gains: Path | None, x: str | None, y: str | None, resolution: float, out: Path
+    run: Run,
+    problem: Path,
+    gains: Path | None,
+    x: str | None,
+    y: str | None,
+    resolution: float,
+    linear: bool,
+    points: Path | None,
+    out: Path,
 ) -> int:
     """Find all gains of PROBLEM that meet its constraints.
 
     vctune proves each cell of the plane of two variables feasible or infeasible throughout, or leaves it undecided.
     Other free variables may have any values within their bounds. The axes are gains.velocity and gains.position, for
     an impedance display coupling.damping and coupling.stiffness, for a servo coupling.mass and coupling.drag. The
-    command writes region.json, a baseline for `vctune check --region`, and region.svg with the best design and GAINS.
+    command writes region.json, a baseline for `vctune check --region`, and region.svg with the best design, GAINS,
+    limits of the literature and what was measured.
 
     After Ctrl-C or the time limit, it writes the cells decided so far, with code 3. A second Ctrl-C ends it at once.
     """
     from vctune import interrupt, read_problem
-    from vctune.api.regions import REGION_FILE, axes_of, best_design, design_for, require_plane
+    from vctune.api.regions import REGION_FILE, axes_of, best_design, design_for, measured_points, require_plane
     from vctune.api.regions import region as find
     from vctune.api.result import design_folder, write
 
@@ -48,10 +60,12 @@ def region(
     folder = design_folder(require_plane(file, x, y), out)
     run.doubt(file)
     file, given = design_for(file, gains) if gains else (file, None)
+    measured = measured_points(points, (x, y)) if points else ()
     with run.progress(problem.name) as progress:
         solved = best_design(file.problem, progress)
         with interrupt.interrupt_noted() as stopped:  # from here on, an interrupt would lose work
-            found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
+            how: dict[str, Any] = {"resolution": resolution, "linear": linear, "points": measured}
+            found = find(file, x, y, given, **how, solved=solved, stopped=stopped, progress=progress)
             progress("drawing")
             write(found.files(folder))
     if found.region.interrupted:
