@@ -1564,5 +1564,9 @@ DESIGN: dict[str, Oracle] = {
         for name in ("key", "old", "new", "change", "needs", "assumes", "size", "error")
     },
     "repairs[].chooses": Elsewhere("design/test_ros.py"),
+    **{
+        f"together[].{name}": Elsewhere("design/test_pairs.py")
+        for name in ("key", "old", "new", "change", "needs", "assumes", "chooses", "size", "error")
+    },
     "tried[]": Elsewhere("design/test_repairs.py"),
 }

@@ -179,6 +179,10 @@ def rows_of(record: DesignRecord) -> Printed:
             yield (title,)
             width = max(len(repair.needs) for repair in record.repairs or [])
             yield from (_repair(repair, width) for repair in repairs)
+    if record.together:
+        yield ("these two together would do:",)
+        width = max(len(repair.needs) for repair in record.together)
+        yield from (_repair(repair, width) for repair in record.together)
     if record.tried:
         yield (f"none of these, each changed alone, gives a design: {', '.join(record.tried)}",)
     yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)

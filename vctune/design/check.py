@@ -87,7 +87,10 @@ class DesignFinding:
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
         repairs, tried = self.found.repairs, list(self.found.tried)
-        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=repairs, tried=tried)
+        both = list(self.found.together)
+        solved = Solved(
+            problem=self.file.problem, judgement=self.judgement, repairs=repairs, tried=tried, together=both
+        )
         found = record_of(self.file, solved)
         return found.model_copy(update={"warnings": list(dict.fromkeys([*self.warnings, *found.warnings]))}).to_json()
 
@@ -193,17 +196,20 @@ def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[s
         said.append(f"{first}{of_problem} would pass{so}")
     if assumed:
         said.append(f"with {', or '.join(assumed)}, if that is so, it passes")
+    if found.together:
+        both = " and ".join(f"{place * (repair.key not in TUNED)}{repair}" for repair in found.together)
+        said.append(f"{both} together would pass")
     if found.tried:
         said.append(f"none of these, each changed alone, passes: {', '.join(found.tried)}")
     return said
 
 
 def first_remedy(found: Found, place: str = "") -> str:
-    """Return in words the first change after which the design passes; "" without one."""
+    """Return in words the first change, or the two together, after which the design passes; "" without one."""
     for repair in sorted(found.repairs or [], key=lambda repair: bool(repair.assumes)):
         stated = f"{place * (repair.key not in TUNED)}{repair}"
         return f"with {stated}, if that is so, it passes" if repair.assumes else f"{stated} would pass"
-    return ""
+    return next(iter(remedy(found._replace(tried=()), {}, place)), "")
 
 
 def _line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:

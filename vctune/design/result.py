@@ -113,6 +113,8 @@ class Solved:
         was cut short without one.
     tried : list[str]
         Without repairs: the keys that were changed alone in vain, each with the value up to which it was tried.
+    together : list[Repair]
+        Without repairs: two changes that suffice together; empty without any.
     prices : list[Price], optional
         Prices of the device's parameters, the greatest gain first; None if not requested, without an optimum,
         or if the design is not certified, IPOPT has not converged or the time limit ended the work.
@@ -131,6 +133,7 @@ class Solved:
     optimality: Optimality | None = None
     repairs: list[Repair] | None = None
     tried: list[str] = field(default_factory=list)
+    together: list[Repair] = field(default_factory=list)
     prices: list[Price] | None = None
     cut: tuple[str, ...] = ()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
 from itertools import combinations
 from math import inf
 from typing import Any
@@ -179,30 +180,35 @@ def _over(margin: Margin, boxes: Boxes, fixed: Values) -> list[Taylor]:
 
 def spans_miss_zero(parts: Callable[[Number, Values], Any], fixed: Values) -> Test:
     """Return the test that no number of `AtRest.spanned` is 0, nor one of them plus positive multiples of the rays: in
-    some direction all of them are positive.
+    some direction all of them are positive. Of several `AtRest`, all are positive in one direction.
 
-    Any direction proves; the best one at the middle of a box is taken.
+    Any direction proves; the best one by the linear parts is taken.
     """
 
     def decided(boxes: Boxes) -> Decided:
         check_time()
         rows = variables(boxes.rows(), boxes.varied())
-        (fixed_part, spans), rays = parts(rows[0], boxes.named(rows, fixed))
-        rays = [*rays, *(span.of for span in spans if span.high is inf or span.high == inf)]
-        direction = _best_direction(fixed_part, spans, rays, len(boxes))
+        found = parts(rows[0], boxes.named(rows, fixed))
+        each = [(*one.spanned, _with_endless(*one)) for one in (found if isinstance(found, list) else [found])]
+        direction = _best_direction(each, len(boxes))
 
         def along(number: Any) -> Number:
             return _number(number.re * direction[0] + number.im * direction[1], rows[0])
 
-        least = along(fixed_part)
-        for span in spans:
-            least = least + _least(along(span.of), span.low, span.high)
-        found = bounded(least, boxes, alone=True)
-        for number in map(along, rays):
-            found = _both(found, bounded(number, boxes, alone=True))
-        return found
+        tests = list[Decided]()
+        for first, spans, rays in each:
+            least = along(first)
+            for span in spans:
+                least = least + _least(along(span.of), span.low, span.high)
+            tests += [bounded(number, boxes, alone=True) for number in (least, *map(along, rays))]
+        return reduce(_both, tests)
 
     return decided
+
+
+def _with_endless(spanned: Any, rays: Sequence[Any]) -> list[Any]:
+    """Return rays, and those of spans without an end."""
+    return [*rays, *(span.of for span in spanned.spans if span.high is inf or span.high == inf)]
 
 
 def _number(number: Any, row: Number) -> Taylor:
@@ -229,10 +235,11 @@ def _both(one: Decided, other: Decided) -> Decided:
 DIRECTIONS = np.exp(1j * np.linspace(-np.pi, np.pi, 97)[:-1])
 
 
-def _best_direction(fixed: Any, spans: Sequence[Any], rays: Sequence[Any], n: int) -> Floats:
+def _best_direction(each: Sequence[tuple[Any, Sequence[Any], Sequence[Any]]], n: int) -> Floats:
     """Return for each box a direction, shape (2, n), in which all numbers are farthest from 0 by their linear parts, in
     units of their real and imaginary parts."""
-    numbers = (*(part for of in (fixed, *(span.of for span in spans), *rays) for part in (of.re, of.im)),)
+    used = [of for fixed, spans, rays in each for of in (fixed, *(span.of for span in spans), *rays)]
+    numbers = [part for of in used for part in (of.re, of.im)]
     rows = max((number.row_count for number in numbers if isinstance(number, Taylor)), default=0)
 
     def linear(part: Any) -> Floats:
@@ -246,21 +253,26 @@ def _best_direction(fixed: Any, spans: Sequence[Any], rays: Sequence[Any], n: in
         low, high = (float(getattr(end, "mid", end)) for end in (span.low, span.high))
         return low, low if high == np.inf else high
 
-    every = [(fixed, 1.0), *((span.of, ends(span)[1]) for span in spans)]
-    size = [sum(most * np.abs(linear(getattr(of, part))).sum(axis=0) for of, most in every) for part in ("re", "im")]
-    unit = [np.where(each > 0, each, 1.0) for each in size]
+    def size(part: str) -> Floats:
+        terms = [term for fixed, spans, _ in each for term in ((fixed, 1.0), *((s.of, ends(s)[1]) for s in spans))]
+        total = sum(most * np.abs(linear(getattr(of, part))).sum(axis=0) for of, most in terms)
+        return np.where(total > 0, total, 1.0)
+
+    unit = size("re"), size("im")
 
     def components(of: Any) -> Floats:
         scaled = linear(of.re) / unit[0] + 1j * (linear(of.im) / unit[1])
         return np.real(np.conj(DIRECTIONS)[:, None, None] * scaled)
 
-    total = components(fixed)
-    for span in spans:
-        x, (low, high) = components(span.of), ends(span)
-        total = total + np.where(x[:, :1] > 0, low, high) * x
-    room = total[:, 0] - np.abs(total[:, 1:]).sum(axis=1)
-    for ray in rays:
-        x = components(ray)[:, 0]
-        room = np.minimum(room, x / np.maximum(np.abs(x).max(axis=0), 1e-300))
+    room = np.full((len(DIRECTIONS), n), inf)
+    for fixed, spans, rays in each:
+        total = components(fixed)
+        for span in spans:
+            x, (low, high) = components(span.of), ends(span)
+            total = total + np.where(x[:, :1] > 0, low, high) * x
+        room = np.minimum(room, total[:, 0] - np.abs(total[:, 1:]).sum(axis=1))
+        for ray in rays:
+            x = components(ray)[:, 0]
+            room = np.minimum(room, x / np.maximum(np.abs(x).max(axis=0), 1e-300))
     best = DIRECTIONS[np.nanargmax(np.nan_to_num(room, nan=-np.inf), axis=0)]
     return np.stack((best.real / unit[0], best.imag / unit[1]))

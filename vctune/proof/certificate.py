@@ -13,6 +13,7 @@ from vctune.model.device import Device
 from vctune.model.parts import DELAYS, LATENCY
 from vctune.proof.claims.claim import ClaimId, Question, Suspects, no_suspects
 from vctune.proof.claims.delays import beside_whole_sample, may_jump
+from vctune.proof.claims.oblique import prove_together
 from vctune.proof.claims.registry import claims_about, claims_asked
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.outcome import Outcome, Verdict, worst_verdict
@@ -116,6 +117,15 @@ def certify(
     question = Question(design, demands, box, suspects, ringing)
     own, beside = _certificate(question), _beside(question)
     return _holding_beside(own, [_certificate(each) for each in beside]) if beside else own
+
+
+def together(axes: Sequence[Question]) -> Outcome:
+    """Prove that axes of one servo, each of which is proved alone, are stable together in hands at any angle, also at
+    the delays beside a whole sample."""
+    found = _in_time(partial(prove_together, axes))
+    for beside in zip(*map(_beside, axes), strict=True):
+        found = _worse(found, _in_time(partial(prove_together, beside)), beside[0].design.device)
+    return found
 
 
 def _certificate(question: Question) -> Certificate:

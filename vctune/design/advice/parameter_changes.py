@@ -91,7 +91,7 @@ class ParameterChange:
         last = self.relative(self.limit)
         for step in () if self.switch else STEPS_FROM_ZERO if self.old == 0 else STEPS:
             if step < last:
-                yield step, self._value(step)
+                yield step, self.at(step)
         yield last, self.limit
 
     def between(self, first: float, second: float) -> float:
@@ -100,7 +100,8 @@ class ParameterChange:
             return 4 * min(first, second)
         return (first * second) ** 0.5 if first > 0 and second > 0 else 0.5 * (first + second)
 
-    def _value(self, relative: float) -> float:
+    def at(self, relative: float) -> float:
+        """Return the value at a relative change."""
         if self.old in (0, inf):
             return self.scale * relative if self.old == 0 else self.scale / relative
         return self.old * (1 + relative) if self.limit > self.old else self.old / (1 + relative)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vctune.design.advice.pairs import SIZES, Pair, pairs
 from vctune.design.advice.parameter_changes import ParameterChange, change_of_gain, parameter_changes
 from vctune.design.advice.reserve import reserve
 from vctune.design.judging.judge import Judgement, Status, certified, with_best_corner
@@ -53,14 +54,17 @@ HALVINGS, HALVINGS_SOLVED = 24, 6
 PEAK_STEPS, NEARLY = 4, 0.8  # in which a maximum between two steps is looked for, if the reserve of a step exceeds this
 
 Progress = Callable[[str], None]
+AnyChange = ParameterChange | Pair
 ProblemOf = Callable[[dict[str, Any]], Problem | None]
 
 
 class Found(NamedTuple):
-    """Repairs, or without any what was tried in vain to its ends; None if the search was cut short or not begun."""
+    """Repairs, or without any what was tried in vain to its ends, and two changes that suffice together; None if the
+    search was cut short or not begun."""
 
     repairs: list[Repair] | None = None
     tried: Sequence[str] = ()
+    together: Sequence[Repair] = ()
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -79,6 +83,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
         solved,
         repairs=found.repairs,
         tried=list(found.tried),
+        together=list(found.together),
         seconds={**solved.seconds, "repairs": seconds},
         cut=(*solved.cut, *cut),
     )
@@ -187,7 +192,10 @@ def find_repairs(
     with suppress(OutOfTimeError):
         search.run(asked)
         if not search.found and search.within_budget:
-            return Found([], list(dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in asked)))
+            tried = list(dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in asked))
+            with suppress(OutOfTimeError):
+                return Found([], tried, _Search(document, posed, search.hands, progress, solved).pair(asked))
+            return Found([], tried)
     return Found(_offered(search.found, solved) or None)
 
 
@@ -243,6 +251,30 @@ class _Search:
             if k not in settled and self.wants(change) and (place := self.between_steps(change, tried[k])) is not None:
                 self.limit_found(change, *place)
 
+    def pair(self, changes: Sequence[ParameterChange]) -> list[Repair]:
+        """Return the two changes of least relative size that are proved to suffice together; none without any."""
+        places = list[tuple[float, float, Pair]]()
+        for pair in pairs(changes):
+            self.progress(f"looking for repairs: {pair.meaning}")
+            below = 0.0
+            for size in SIZES:
+                if places and size > min(places, key=lambda place: place[0])[0]:
+                    break
+                if self.reserve(pair, size) >= 1:
+                    places.append((size, below, pair))
+                    break
+                below = size
+        close = [(*self.bracket(pair, below, size), pair) for size, below, pair in places]
+        for _, size, pair in sorted(close, key=lambda place: place[1]):
+            for share in BACK:
+                if not self.within_budget:
+                    return []
+                more = size * (1 + share)
+                if (error := self.proved(pair, more)) is not None:
+                    values = zip(pair.both, pair.values(more), strict=True)
+                    return [_repair(change, new, error) for change, new in values]
+        return []
+
     def wants(self, change: ParameterChange) -> bool:
         """Return whether another change of this kind would be offered."""
         assumed = sum(each.assumes for each in self.found)
@@ -251,12 +283,12 @@ class _Search:
         few = len(self.found) - assumed < MOST - min(assumed, ASSUMED)
         return few or change.key in self.solved or (change.chooses and not any(each.chooses for each in self.found))
 
-    def problem(self, change: ParameterChange, new: float) -> Problem | None:
+    def problem(self, change: AnyChange, new: float) -> Problem | None:
         """Return the changed problem; None if the value is not a valid one."""
         check_time()
         return self.posed(change.applied(self.document, new))
 
-    def reserve(self, change: ParameterChange, new: float) -> float:
+    def reserve(self, change: AnyChange, new: float) -> float:
         """Estimate how far the changed problem is from its limit: at least 1 where it seems to have a design."""
         problem = self.problem(change, new)
         if problem is None:
@@ -321,7 +353,7 @@ class _Search:
         self.found.append(_repair(change, new, error))
         return True
 
-    def proved(self, change: ParameterChange, new: float) -> float | None:
+    def proved(self, change: AnyChange, new: float) -> float | None:
         """Return the error of the proved design of the changed problem; None if there is none. Keep the hand in which
         a given design is refuted."""
         problem = self.problem(change, new)
@@ -332,9 +364,7 @@ class _Search:
             self.hands.append(proof.hand)
         return proof.error
 
-    def bracket(
-        self, change: ParameterChange, bad: float, good: float, halvings: int = HALVINGS
-    ) -> tuple[float, float]:
+    def bracket(self, change: AnyChange, bad: float, good: float, halvings: int = HALVINGS) -> tuple[float, float]:
         """Halve the distance between a value that fails and one that seems to suffice until it is small."""
         for _ in range(0 if change.switch else halvings):
             if abs(good - bad) <= CLOSE * min(abs(good - change.old), good):

@@ -95,6 +95,7 @@ class DesignRecord(SealedDocument):
     rule: Literal["euler"] | None = None  # of the coupling, if it is not the trapezoidal one
     nearest: NearestRecord | None = None  # the nearest miss of a problem without a design
     tried: list[str] | None = None  # keys, each with the value up to which it was changed alone in vain
+    together: list[Repair] | None = None  # two changes that suffice together, where none does alone
     prices: list[Price] | None = None
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
@@ -305,6 +306,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         "prices": solved.prices,
         "rule": "euler" if problem.device.rule == "euler" else None,
         "tried": solved.tried or None,
+        "together": solved.together or None,
         "nearest": _nearest(solved),
         **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "ringing", "buzz", "uncertainty")},
     }

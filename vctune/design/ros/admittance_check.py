@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from math import sqrt
+from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +41,13 @@ from vctune.document.schema.validation import KeyPath
 from vctune.document.text import toml
 from vctune.document.text.errors import Code, InputError, Note
 from vctune.document.text.toml import toml_text
+from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.model.problem import Problem
+from vctune.proof.certificate import together
+from vctune.proof.claims.claim import Question
+from vctune.proof.outcome import Outcome, Verdict
 
 RATE = "sample_time"
 Rate = tuple[str, float, int]  # key, value, Hz, and line of a stated update_rate
@@ -62,13 +66,14 @@ def check_parameters(
     if missing := [name for name in selected if name not in owners]:
         message = f"selects {', '.join(missing)}, and no problem is for that; name one, or do not select it"
         raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    checks: dict[str, Checked] = {}
+    checks, beside = dict[str, Checked](), list[Checked]()
     for problem in problems:
         axes = tuple(axis for axis in given.axes if owners[axis.axis] is problem)
         if axes:
             found = check_admittance(problem, path, replace(given, axes=axes), progress)
-            checks |= dict(zip([axis.axis for axis in axes], found, strict=True))
-    return [checks[name] for name in selected]
+            checks |= dict(zip([axis.axis for axis in axes], found, strict=False))
+            beside += found[len(axes) :]
+    return [*(checks[name] for name in selected), *beside]
 
 
 def check_admittance(
@@ -97,25 +102,50 @@ def check_admittance(
         if numbers not in proved:
             proved[numbers] = _checked(problem, tables, given, axis, progress)
         checks.append(_of_axis(proved[numbers], problem, path, axis, given.name))
-    return _with_angles(checks, problem, tables, given, axes)
+    return _with_angles(checks, problem, path, tables, given, axes)
 
 
 def _with_angles(
-    checks: list[Checked], problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axes: list[Admittance]
+    checks: list[Checked],
+    problem: ProblemFile,
+    path: Path,
+    tables: dict[str, Any],
+    given: AdmittanceFile,
+    axes: list[Admittance],
 ) -> list[Checked]:
-    """Return the checks of proved axes of one servo, which say whether they cover hands at every angle to the axes
-    (model/README.md, section 17)."""
+    """Return the checks of proved axes of one servo, which say that they cover hands at every angle to the axes
+    (model/README.md, section 17), or else one more check of all together."""
     if problem.problem.device.kind.own_loop or len(axes) < 2 or any(each.verdict != "passed" for each in checks):
         return checks
-    laws = {replace(axis, axis="", line=0): axis for axis in axes}
-    loads = {given.load and given.load.inertia(axis.axis) for axis in axes}
-    alike = len(laws) == 1 or all(_proved_by_resistance(tables, given, axis) for axis in laws.values())
     *others, last = (axis.axis for axis in axes)
     named = f"{', '.join(others)} and {last}"
-    said = f"also in hands at every angle to {named}"
-    if not alike or len(loads) > 1:
-        said = f"not proved in hands at an angle to {named}, whose {'laws' if not alike else 'tools'} differ"
-    return [replace(each, message=f"{each.message}; {said}") for each in checks]
+    found = Outcome(Verdict.PROVED, 0)
+    if not (_alike(given, axes) or all(_proved_by_resistance(tables, given, axis) for axis in axes)):
+        found = together(questions_of(checks))
+    if found.verdict is Verdict.PROVED:
+        said = f"also in hands at every angle to {named}"
+        return [replace(each, message=f"{each.message}; {said}") for each in checks]
+    hz = "" if found.witness is None else f", about {found.witness / (2 * pi):.4g} Hz"
+    said = f"{named} together: proved each alone, and not in hands at an angle to them, since their laws differ{hz}"
+    note = Note("ros-angle", f"{said}; the same law on all of them would be")
+    apart = _unproved(CheckVerdict.UNDECIDED, note.code, note.text, axes[0])
+    name, message = f"{problem.problem.name} {given.name} {named}", f"{path}: {apart.message}"
+    return [*checks, replace(apart, source=path, name=" ".join(name.split()), message=message)]
+
+
+def _alike(given: AdmittanceFile, axes: Sequence[Admittance]) -> bool:
+    """Return whether all axes have one law and one tool, so that the proof of one covers every angle."""
+    laws = {replace(axis, axis="", line=0) for axis in axes}
+    return len(laws) == 1 and len({given.load and given.load.inertia(axis.axis) for axis in axes}) == 1
+
+
+def questions_of(checks: Sequence[Checked]) -> list[Question]:
+    """Return what was asked of designs that are judged."""
+    judged = [each.finding.judgement for each in checks if isinstance(each.finding, DesignFinding)]
+    return [
+        Question(Design(each.posed.demands.device, each.gains, each.coupling), each.posed.demands, each.posed.box)
+        for each in judged
+    ]
 
 
 def _proved_by_resistance(tables: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> bool:
@@ -241,8 +271,11 @@ def _checked(
     progress(f"proving {axis.axis}")
     judgement = judge(file.problem, *file.problem.fixed_design)
     repairs = repairs_of_axis(document, file.problem, judgement, given.rate, progress)
-    if repairs.repairs:
-        repairs = repairs._replace(repairs=[_in_yaml(repair, given, axis) for repair in repairs.repairs])
+    if repairs.repairs or repairs.together:
+        own, both = (
+            [_in_yaml(repair, given, axis) for repair in some or []] for some in (repairs.repairs, repairs.together)
+        )
+        repairs = repairs._replace(repairs=own, together=both)
     lighter = _lighter_tool(document, judgement, progress)
     finding = finding_of(file, judgement, repairs, [])
     traps = [note.line for note in (*given.notes, *_traps(axis, given.filter_coefficient, file.problem.device))]

@@ -185,7 +185,8 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
     return no_pole_crosses(Asked(question, tests, fails), ends)
 
 
-def _spanned(hands: Hands, worlds: Worlds, case: Case, theta: Number) -> AtRest:
+def whole_impedance(hands: Hands, worlds: Worlds, case: Case, theta: Number) -> AtRest:
+    """Return the whole impedance of a servo with all hands and environments of two boxes."""
     plant = case.held()
     assert isinstance(plant, ServoInHand)
     device, ops = case.design.device, case.ops
@@ -203,7 +204,7 @@ def _hold_for_servo(cells: Covered) -> Flags:
     demands, hands, worlds = cells.demands, cells.demands.hands, cells.demands.worlds
     assert worlds is not None and hands is not None
     exact = Hands(hands.low.mapped(decimal), hands.high.mapped(decimal)), worlds.linear.converted(decimal)
-    test = spans_miss_zero(over(partial(_spanned, *exact), demands), exact[0].low.by_key)
+    test = spans_miss_zero(over(partial(whole_impedance, *exact), demands), exact[0].low.by_key)
     proved = hand_turns(cells.centres()).number == 0
     left = np.flatnonzero(proved)
     boxes = over_cells(Cells(cells.low[:, left], cells.high[:, left]), band())
