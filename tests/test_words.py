@@ -60,6 +60,7 @@ SHOWN = {
     ("in the hand", "stiffest wall felt"): ("felt.felt_wall_10hz", "stiffness"),
     ("in the hand", "1 N from rest"): ("felt.first_speed", "speed"),
     ("in the hand", "1 N m from rest"): ("felt.first_speed", "speed"),
+    ("in the hand", "noise at the command"): ("felt.noise_speed", "speed"),
     ("ringing", "damping ratio"): ("ringing.damping_ratio", ""),
     ("ringing", "rings for"): ("ringing.time_constant_s", "s to 1/e"),
     ("certificate", "least Re Z_c / R"): (("certificate.hands.min_ratio", "certificate.min_ratio"), ""),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from math import inf
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from draws import servo
 from loop import Loop
 from loop import radius as stepped
 
-from vctune import problem, solve
+from vctune import Status, check, problem, solve
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
 
@@ -154,3 +155,34 @@ def test_a_first_step_beyond_the_acceleration_of_the_servo_is_told(tmp_path):
         (tmp_path / "arm.toml").write_text(toml_text(ARM | {"device": device, "coupling": law}))
         done = vctune("check", "arm.toml", cwd=tmp_path)
         assert ("max_acceleration" in done.stdout + done.stderr) == told
+
+
+@pytest.mark.parametrize("law", [{"rule": "euler", "mass": 6.0, "drag": 150.0}, {"mass": 6.0, "drag": 150.0}])
+@pytest.mark.parametrize("filtered", [False, True])
+def test_the_noise_of_the_sensor_is_that_of_a_long_run(law, filtered):
+    """noise_speed and noise_acceleration: the law stepped with white noise, as the firmware steps it."""
+    T, noise, a = ARM["device"]["sample_time"], 0.2, 0.3 if filtered else 1.0
+    sensor = {"noise": noise} | ({"filter_coefficient": a} if filtered else {})
+    rigid = law | ({} if "rule" in law else {"damping": inf})
+    felt = check(ARM | {"device": ARM["device"] | {"force_sensor": sensor}, "coupling": rigid}).finding.record()["felt"]
+    force, rng = 0.0, np.random.default_rng(1)
+    M, D, v, last, run = law["mass"], law["drag"], 0.0, 0.0, []
+    for sample in rng.normal(scale=noise, size=200_000):
+        force += a * (sample - force)
+        if "rule" in law:
+            v += T / M * (force - D * v)
+        else:  # M v' + D v = F by the trapezoidal rule
+            v, last = ((M / T - D / 2) * v + (force + last) / 2) / (M / T + D / 2), force
+        run.append(v)
+    assert felt["noise_speed"] == pytest.approx(np.std(run), rel=0.05)
+    assert felt["noise_acceleration"] == pytest.approx(np.std(np.diff(run)) / T, rel=0.02)
+
+
+def test_a_free_mass_keeps_to_the_acceleration_of_the_servo():
+    """1/M of the law by Euler's rule is what 1 N from rest commands in its first sample."""
+    servo = ARM["device"]["servo"]
+    heavy = {"tool": {"mass": 5.0}, "operator": {"stiffness": {"max": 300.0}}, "coupling": {"rule": "euler"}}
+    for limit in (0.2, 5.0):
+        device = ARM["device"] | {"servo": servo | {"max_acceleration": limit}}
+        found = solve(ARM | heavy | {"device": device}).judgement
+        assert found.status is Status.CERTIFIED and 1 / found.coupling.mass <= limit * (1 + 1e-9)

@@ -155,7 +155,14 @@ def test_each_doubt_is_given_where_it_is_due_and_not_beside_it(name: str) -> Non
 
 def test_no_doubt_about_a_problem_is_without_its_smallest_file() -> None:
     """Doubts are the codes of `vctune explain` that begin with warn- and that neither a design nor a log gives."""
-    of_designs = {"warn-acceleration", "warn-band-edge", "warn-bound", "warn-buzzes", "warn-idle", "warn-rings"}
+    of_designs = {
+        "warn-acceleration",
+        "warn-band-edge",
+        "warn-bound",
+        "warn-buzzes",
+        "warn-idle",
+        "warn-rings",
+    }
     of_logs = {"warn-gain", "warn-residual", "warn-yields"}
     every = {code for code in get_args(Code) if code.startswith("warn-")}
     assert every == {code for code, *_ in DOUBTS.values()} | of_designs | of_logs

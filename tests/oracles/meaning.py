@@ -1495,6 +1495,8 @@ DESIGN: dict[str, Oracle] = {
     "felt.wall": lambda case, _: float(case.met[1][2]),
     "felt.count": count,
     "felt.first_speed": lambda case, _: first_speed(case),
+    "felt.noise_speed": Elsewhere("design/test_tool.py"),
+    "felt.noise_acceleration": Elsewhere("design/test_tool.py"),
     "felt.first_acceleration": lambda case, _: first_speed(case) / case.T,
     "rest.spring": lambda case, _: Said("k_c" if case.dual else "K_p"),
     "rest.step_N": lambda case, _: spring_step(case),

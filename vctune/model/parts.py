@@ -149,6 +149,13 @@ class ForceSensor:
             "stated."
         ),
     ] = None
+    noise: Annotated[
+        Positive | None,
+        Key(
+            "Noise of a sensed sample, root mean square, N. The report states what it makes the command of a servo do. "
+            "Default: not stated."
+        ),
+    ] = None
     sections: Annotated[Sections | None, Key(SECTIONS.format("sensed force"))] = None
 
     def __post_init__(self) -> None:
@@ -197,8 +204,8 @@ class Servo:
     max_acceleration: Annotated[
         Positive | None,
         Key(
-            "Greatest acceleration that the servo follows, m/s2. No claim depends on it; vctune warns of a design that "
-            "commands more for a force of 1 N. Default: not stated."
+            "Greatest acceleration that a force of 1 N from rest may command, m/s2: solve looks for no lighter mass, "
+            "and vctune warns of a design that commands more. Default: not stated."
         ),
     ] = None
     radii: Internal[tuple[tuple[float, float], ...]] = ()  # disc of unmodelled dynamics, (Hz, radius)

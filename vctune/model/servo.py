@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, prod
 
 from vctune.model.device import Device
 from vctune.model.loop.filters import force_sections
@@ -110,3 +110,13 @@ def with_least_lag(device: Device, off: float) -> Device:
     whole = ceil(((device.servo.latency + sensed) / T - LEAST_LAG - off) * (1 - SNAP))
     delay = (whole + off) * T - sensed
     return device.with_numbers({device.delay_key: delay, LATENCY: delay + LEAST_LAG * T})
+
+
+def lightest_mass(device: Device, drag: float) -> float:
+    """Return the least mass of a rigid law with which a unit of sensed force from rest commands no more than the
+    servo's greatest acceleration; 0 without one."""
+    servo = device.servo
+    if servo is None or servo.max_acceleration is None:
+        return 0.0
+    needed = prod(float(section.now) for section in force_sections(device)) / float(servo.max_acceleration)
+    return needed if device.rule == "euler" else max(0.0, (needed - drag * float(device.sample_time)) / 2)

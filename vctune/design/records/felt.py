@@ -16,11 +16,16 @@ from vctune.model.device import Device
 from vctune.model.fields import Shown
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.loop.filters import force_sections
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
+from vctune.model.sampled.loop_in_worlds import offered_at
+from vctune.model.sections import rows_of_sections
 from vctune.model.worlds import World
 from vctune.simulation.controller import coupling_coefficients
 
+# Least angle and number of angles over which the power of noise is summed, and what keeps a quotient finite at Nyquist
+LOWEST, ANGLES, TINY = 1e-8, 4000, 1e-12
 RENDERED = 0.1  # Greatest difference of the felt stiffness of a rendered wall from the wall's own, relative
 
 
@@ -39,6 +44,8 @@ class InHandRecord(RecordPart):
         None  # command of a servo at rest in the first sample of 1 N, m/s, and its acceleration, m/s2
     )
     first_acceleration: Nullable = None
+    noise_speed: Nullable = None  # command of a servo that the noise of the sensor causes, root mean square, m/s
+    noise_acceleration: Nullable = None  # and of its steps, over the sample, m/s2
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield free motion, the stiffest wall, the force of a count and what a unit of force commands."""
@@ -61,6 +68,9 @@ class InHandRecord(RecordPart):
         if self.first_speed is not None and self.first_acceleration is not None:
             more = f"{units.speed}, {text(self.first_acceleration, 3)} {units.acceleration}, in its first sample"
             yield Row(f"1 {units.force} from rest", text(self.first_speed, 3), f"{more}, with nothing behind")
+        if self.noise_speed is not None and self.noise_acceleration is not None:
+            more = f"{units.speed} rms, {text(self.noise_acceleration, 3)} {units.acceleration} from sample to sample"
+            yield Row("noise at the command", text(self.noise_speed, 3), f"{more}, with nothing behind")
 
 
 class FeltRecord(RecordPart):
@@ -108,6 +118,9 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
     if device.servo is not None and not isinstance(coupling, SpringDamper):
         speed, acceleration = first_command(device, coupling)
         found |= {"first_speed": speed, "first_acceleration": acceleration}
+        if device.sensing.noise is not None and coupling.drag > 0:
+            noise = noise_at_command(device, coupling)
+            found |= dict(zip(("noise_speed", "noise_acceleration"), noise, strict=True))
     if device.velocity is not None and device.velocity.resolution is not None:
         found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)
@@ -119,6 +132,25 @@ def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:
     share, T = prod(float(section.now) for section in force_sections(device)), device.sample_time
     speed = share / coupling_coefficients(coupling, T, rule=device.rule)["resistance"]
     return speed, speed / T
+
+
+def noise_at_command(device: Device, coupling: Coupling) -> tuple[float, float]:
+    """Return the root mean squares of the velocity that the noise of the force sensor commands a servo at rest with
+    nothing behind, and of its steps over a sample."""
+    T, rule = device.sample_time, device.rule
+    theta = np.append(0.0, np.geomspace(LOWEST, pi, ANGLES))
+    offered = offered_at(coupling, T, rule, theta[1:], FLOATS)
+    law = offered.resistance + 1j * offered.reactance / np.maximum(np.cos(theta[1:] / 2), TINY)
+    z = np.exp(1j * theta[1:])
+    passed = [np.polyval(row[:3], z) / np.polyval(row[3:], z) for row in rows_of_sections(force_sections(device))]
+    power = np.abs(np.prod([*passed, 1 / law], axis=0)) ** 2
+    power = np.append(power[0], power)
+    step = np.abs(2 * np.sin(theta / 2) / T) ** 2 * power
+    noise = float(device.sensing.noise or 0.0)
+    speed, rate = (
+        noise * float(np.sqrt(0.5 * ((each[1:] + each[:-1]) * np.diff(theta)).sum() / pi)) for each in (power, step)
+    )
+    return speed, rate
 
 
 def _felt(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: float, world: World | None = None) -> complex:

@@ -13,6 +13,7 @@ from vctune.document.text.errors import Note
 from vctune.model.gains import series_coupling
 from vctune.model.problem import Problem
 from vctune.model.rest import greatest_at_rest, stiffness_read
+from vctune.model.servo import lightest_mass
 
 
 def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
@@ -40,6 +41,7 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
     for key, side in touched(problem, judgement):
         of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0
         at_rest = side == "upper" and at_greatest_rest(problem, judgement, key)
+        at_rest |= key == "coupling.mass" and side == "lower" and lightest_mass(problem.device, 0.0) > 0
         if not at_rest and not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
             yield "warn-bound", f"{key} is on its {side} bound; the bound, not the device, limits the design there"
     band, demand = problem.stability.band, problem.stability.safety_factor

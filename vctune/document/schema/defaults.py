@@ -38,7 +38,7 @@ from vctune.model.problem import (
     Uncertainty,
 )
 from vctune.model.rest import greatest_at_rest
-from vctune.model.servo import delays_in_latency
+from vctune.model.servo import delays_in_latency, lightest_mass
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 BRISTLES = 1e5  # Stiffness of the bristles of a friction with stiction on a linear device, N/m
@@ -112,6 +112,9 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     if device.rule == "euler":
         absent["damping"] = Range(inf, inf)
     found = absent | {key: _range(value, *usual[key]) for key, value in stated.items()}
+    lightest = lightest_mass(device, found["drag"].min)
+    if found["damping"].min == inf and not found["mass"].fixed and lightest <= found["mass"].max:
+        found["mass"] = Range(max(found["mass"].min, lightest), found["mass"].max)
     stiffest, key = greatest_at_rest(device), "stiffness" if kind.inverse else "position"
     if document.stability.rest and stiffest is not None and not found[key].fixed:
         found[key] = Range(min(found[key].min, stiffest), min(found[key].max, stiffest))

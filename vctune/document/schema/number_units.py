@@ -23,7 +23,7 @@ QUANTITIES = {
 # Quantity of each number whose quantity depends on the whole key, not only on the last part of the key
 BY_KEY = (
     OF_KEYS
-    | {"device.force_sensor.resolution": "force"}
+    | {"device.force_sensor.resolution": "force", "device.force_sensor.noise": "force"}
     | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
 )
 WITHOUT_UNIT = ("uncertainty", "weights")  # Tables of numbers that have no unit

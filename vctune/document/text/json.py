@@ -145,7 +145,8 @@ def _drop_from_device(stated: dict[str, Any], device: Device) -> None:
             del stated[key]["stiffness"]
     (stated["servo"] or {}).pop("max_acceleration", None)
     sensor, velocity = (stated[part] or {} for part in ("force_sensor", "velocity"))
-    sensor.pop("resolution", None)
+    for name in ("resolution", "noise"):
+        sensor.pop(name, None)
     if resolution := velocity.pop("resolution", None):
         stated["resolution"] = resolution
     if velocity and velocity["source"] is None:
