@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import DRAWS, drawn, mostly_slow
-from loop import Loop, matrix
+from loop import Loop, matrix, radius
 
 import vctune
 from vctune.study.region import Kind
@@ -149,3 +149,30 @@ def test_a_law_that_goes_beyond_rest_in_a_step_is_infeasible():
         assert beyond.any() and (found.kinds[beyond] == Kind.INFEASIBLE).all()
         touched = x[found.squares[0]] <= 2e-3 * y[found.squares[3]]
         assert not (found.kinds[touched] == Kind.FEASIBLE).any()
+
+
+@pytest.mark.slow
+def test_a_velocity_loop_before_a_box_of_environments_has_a_region():
+    """Stable with each environment in a dense set of hands in feasible cells, and unstable in one in infeasible ones."""
+    tables: dict[str, Any] = {
+        "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3, "delay": 1e-3},
+        "environment": {"mass": {"max": 0.5}, "stiffness": {"max": 500.0}},
+        "gains": {"velocity": 100.0, "position": 2000.0},
+        "coupling": {"damping": inf, "mass": {"min": 0.05, "max": 5.0}, "drag": {"min": 0.0, "max": 50.0}},
+        "stability": {"criterion": "hands"},
+    }
+    found, rng = vctune.region(tables, "coupling.mass", "coupling.drag", resolution=1 / 16), np.random.default_rng(5)
+    hands, factor = found.file.problem.hands, found.file.problem.stability.safety_factor
+    tried = list(product(*(spread(*ends, 6) for ends in hands.ranges.values())))
+
+    def worst(mass: float, drag: float) -> float:
+        shares, behind = (1.0, 1 / factor), product((0.0, 0.5), (0.0, 500.0))
+        loops = (
+            Loop(tables["device"], (100.0, 2000.0), (inf, mass * share, drag * share), hand, (m, 0.0, k))
+            for share, (m, k), hand in product(shares, behind, tried)
+        )
+        return max(radius(loop) for loop in loops)
+
+    for kind in (Kind.FEASIBLE, Kind.INFEASIBLE):
+        for point in points(found.region, kind, DRAWS, rng):
+            assert (worst(*point) < 1 + 1e-9) == (kind is Kind.FEASIBLE), point

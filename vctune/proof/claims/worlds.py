@@ -255,6 +255,8 @@ def _lost(cells: Covered, places: Place) -> Flags:
     inside = places.in_hands.hands.mapped(np.clip, hands.low, hands.high)  # an estimate may be next to the box
     for place in replace(places, in_hands=replace(places.in_hands, hands=inside)).each:
         left = np.flatnonzero(~lost & np.isfinite(place.in_hands.at))
+        if not left.size:
+            continue
         some, at = cells.subset(left), place[left]
         if cells.demands.device.servo is not None:
             share = min(nextafter(1 / cells.demands.factor, 1.0), 1.0)
