@@ -153,7 +153,7 @@ def test_a_law_that_goes_beyond_rest_in_a_step_is_infeasible():
 
 @pytest.mark.slow
 def test_a_velocity_loop_before_a_box_of_environments_has_a_region():
-    """Stable with each environment in a dense set of hands in feasible cells, and unstable in one in infeasible ones."""
+    """Stable with each environment in a dense set of hands in feasible cells, unstable in one in infeasible ones."""
     tables: dict[str, Any] = {
         "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3, "delay": 1e-3},
         "environment": {"mass": {"max": 0.5}, "stiffness": {"max": 500.0}},
