@@ -39,6 +39,7 @@ TYPED = (
     "gripper", "payload", "table", "pose", "ros2", "gear", "capstan", "negative damping", "second mode", "latency",
     "time-varying hand", "energy tank", "virtual spring", "detent", "compensator", "ringing", "damping ratio", "buzz",
     "voltage", "back-EMF", "feed-forward", "teleoperation", "limit cycle", "quantisation", "friction compensation",
+    "angle", "hand guiding", "wrist", "teach", "stiff contact", "sampling rate", "tremor", "Colgate", "t_d", "law",
     "gravity_compensation", "jitter", "MoveIt Pro", "two handles", "1 N from rest", "rings for", "feels like",
 )  # fmt: skip
 
@@ -53,6 +54,11 @@ def test_a_word_that_is_no_misspelling_is_answered_with_the_index_of_tasks(tmp_p
     assert done.returncode == 2 and not done.stdout
     assert "solve a device: vctune solve" in done.stderr and "did you mean" not in done.stderr
     assert "solve a device" not in run("explain", "xyzzy", "--quiet", cwd=tmp_path).stderr
+
+
+def test_a_word_in_the_texts_is_answered_with_their_names(tmp_path):
+    done = run("explain", "pulley", cwd=tmp_path)
+    assert done.returncode == 2 and "these tell of it: gear" in done.stderr and "did you mean" not in done.stderr
 
 
 def test_a_name_that_there_is_not_is_told_the_nearest(tmp_path):

@@ -49,9 +49,14 @@ def test_gil_and_hulins_line_is_near_the_limit_of_a_wall_without_a_hand():
     free = {"mass": {"max": 0.0}, "damping": {"max": 0.0}, "stiffness": {"max": 0.0}}
     late = PADDLE | {"operator": free, "stability": {"safety_factor": 1.0, "criterion": "hands"}}
     late["device"] = late["device"] | {"mass": 1.0, "delay": 2e-3}
-    (most,) = limits(late)["k_c = (b + b_c)/(T/2 + t_d), stable below"](np.array([0.1]))
+    (most,) = limits(late)["k_c = (b + b_c)/(T/2 + t_d), limit without a hand"](np.array([0.1]))
     assert most == pytest.approx(0.5 / 2.5e-3)
     assert verdict(late, 0.1, 0.95 * most) == "certified" and verdict(late, 0.1, 1.05 * most) == "violated"
+
+
+def test_a_filter_of_the_velocity_has_no_line_of_walls_without_one():
+    filtered = PADDLE | {"device": PADDLE["device"] | {"velocity": {"filter_hz": 30.0}}}
+    assert not [label for label in limits(filtered) if label.startswith(("k_c = 2 (b", "k_c = (b"))]
 
 
 def test_a_picture_of_walls_shows_limits_points_and_contours(tmp_path):

@@ -32,7 +32,8 @@ FILES = {"problem": "vctune/document/README.md", "log": "vctune/identification/R
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)  # A table in Markdown: heads and rows
 CELLS = re.compile(r"(?<!\\)\|")  # The border between two cells: "|", but not "\|"
 # What labels of tables and JSON keys add to a term: a frequency, a condition, a text, a symbol, a unit
-MISTYPED = 0.8  # Least likeness of a word that the user may have meant; what is less alike is another word
+MENTIONED = 6  # Number of entries that are named for a word that is in their texts
+MISTYPED = 0.85  # Least likeness of a word that the user may have meant; what is less alike is another word
 ENDINGS = (r"(, at|,| at) ([\d.]+ Hz|at rest)$", r", if .*$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
 LINK = re.compile(r"\[([^]]*)\]\(([^)#]*)[^)]*\)")  # a link in Markdown: its text and its file
 PROBLEMS, SCHEMA_LINE = "problems", re.compile(r"\A#:schema .*\n")
@@ -97,8 +98,10 @@ def explain(name: str) -> Explanation:
         for label in (asked, *stems, *(stem.replace("_", " ") for stem in stems)):
             if found := entries_of.get(fold(label)):
                 return Explanation(name, found)
-    near = nearest(asked)
-    hint = f"did you mean {' or '.join(near)}?" if near else "`vctune explain tasks` lists what there is to do"
+    near, there = nearest(asked), mentioning(asked)
+    hint = "`vctune explain tasks` lists what there is to do"
+    if near or there:
+        hint = f"did you mean {' or '.join(near)}?" if near else f"these tell of it: {', '.join(there)}"
     raise InputError.of(name, "unknown-name", f"is no code, key, claim, device or word of the glossary; {hint}")
 
 
@@ -106,6 +109,13 @@ def nearest(name: str) -> list[str]:
     """Return the names that a user may have meant to type."""
     forms = {_plain(form).lower(): form for each in entries() for form in (*each.names, each.name.rpartition(".")[2])}
     return [forms[form] for form in get_close_matches(_plain(name).lower(), forms, n=3, cutoff=MISTYPED)]
+
+
+def mentioning(name: str) -> list[str]:
+    """Return the names of some entries whose text contains a word, the shortest texts first."""
+    word = re.compile(rf"\b{re.escape(_plain(name))}s?\b", re.IGNORECASE)
+    found = sorted((each for each in entries() if word.search(each.text)), key=lambda each: len(each.text))
+    return list(dict.fromkeys(each.name for each in found if each.kind != "task"))[:MENTIONED]
 
 
 def tasks() -> str:

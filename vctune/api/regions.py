@@ -188,6 +188,8 @@ def agreement(region: Region, points: Sequence[MeasuredPoint]) -> str:
             against.append(f"({point.x:g}, {point.y:g})")
     stable = sum(point.stable for point in points)
     counted = f"measured     {stable} stable, {len(points) - stable} unstable"
+    outside = sum(not (x[0] <= point.x <= x[-1] and y[0] <= point.y <= y[-1]) for point in points)
+    counted += f", of which {outside} outside the plane" if outside else ""
     if not against:
         return f"{counted}; no unstable one is in a feasible cell"
     return f"{counted}; unstable in a feasible cell: {', '.join(against)}: the device is not the one of the file"

@@ -141,6 +141,9 @@ class SavedDesign:
         if own:
             name = source if named else "the problem"
             return [f"write {own[0].needs} into {name} and solve again", *look]
+        if self.found.together:
+            both = " and ".join(repair.needs for repair in self.found.together)
+            return [f"write {both} into {source if named else 'the problem'} and solve again", *look]
         if self.found.status != Status.CERTIFIED.value:
             return look
         check = f"in CI vctune check {quote(source)} {quote(str(folder / GAINS_FILE))}"
@@ -183,7 +186,7 @@ def rows_of(record: DesignRecord) -> Printed:
         yield ("these two together would do:",)
         width = max(len(repair.needs) for repair in record.together)
         yield from (_repair(repair, width) for repair in record.together)
-    if record.tried:
+    elif record.tried:
         yield (f"none of these, each changed alone, gives a design: {', '.join(record.tried)}",)
     yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from math import inf
 from pathlib import Path
@@ -16,6 +17,20 @@ from vctune.running import time_limit_of_command
 Added = Callable[[Any], Any]  # A decorator that adds an argument or an option to a command
 
 PATH: Any = click.Path(path_type=Path)
+
+
+class Share(click.FloatRange):
+    """A number of a range, also as a fraction such as 1/16."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number."""
+        over, slash, under = str(value).partition("/")
+        if slash:
+            with suppress(ValueError, ZeroDivisionError):
+                value = float(over) / float(under)
+        return super().convert(value, param, ctx)
+
+
 problem_argument: Added = click.argument("problem", type=PATH)
 
 

@@ -199,7 +199,7 @@ def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[s
     if found.together:
         both = " and ".join(f"{place * (repair.key not in TUNED)}{repair}" for repair in found.together)
         said.append(f"{both} together would pass")
-    if found.tried:
+    elif found.tried:
         said.append(f"none of these, each changed alone, passes: {', '.join(found.tried)}")
     return said
 

@@ -12,9 +12,11 @@ from pathlib import Path
 from vctune.document.schema.validation import MAX_MISTAKES
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
+from vctune.model.numbers.units import SYMBOLS
 
 STABLE = {"yes": True, "true": True, "1": True, "stable": True, "no": False, "false": False, "0": False}
 STABLE |= {"unstable": False}
+LAW = {"coupling.mass": "M", "coupling.drag": "D"}  # Symbols of Euler's law
 COLUMN = "stable"  # Header of the column that says whether the device was stable
 
 
@@ -64,11 +66,12 @@ def measured_points(path: Path, keys: tuple[str, str]) -> list[MeasuredPoint]:
 
 
 def _column(heads: Sequence[str], key: str, source: str) -> int:
-    for name in (key, key.rpartition(".")[2]):
+    for name in (key, key.rpartition(".")[2], SYMBOLS.get(key), LAW.get(key)):
         if name in heads:
             return heads.index(name)
-    there = ", ".join(heads) or "none"
-    message = f"has no column {key}; a header names both axes and {COLUMN} (yes or no), and there are: {there}"
+    there, short = ", ".join(heads) or "none", f" or {key.rpartition('.')[2]}" if "." in key else ""
+    message = f"has no column {key}{short}; a header names both axes and {COLUMN} (yes or no), divided by commas, and "
+    message += f"there are: {there}"
     raise InputError.of(source, "log-columns", message, line=1)
 
 

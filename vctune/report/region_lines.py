@@ -15,6 +15,7 @@ from vctune.design.judging.kicked import hands_at_rest
 from vctune.design.variables import design_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
+from vctune.model.loop.filters import velocity_sections
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
@@ -51,10 +52,12 @@ def lines(problem: Problem) -> Iterator[Line]:
     if greatest is not None:
         name, along = ("k_c", DAMPING) if kind.inverse else ("K_p", VELOCITY)
         yield Line(f"{name} = 2 f/q, rests below", along, stiffness, lambda B: np.full_like(B, greatest))
-    if kind.inverse:
-        late = float(lags(device, FLOATS).drive)
-        yield Line("k_c = 2 (b - b_c)/T, passive below", DAMPING, stiffness, lambda B: 2 * (b - B) / T)
-        yield Line("k_c = (b + b_c)/(T/2 + t_d), stable below", DAMPING, stiffness, lambda B: (b + B) / late)
+    estimated = velocity_sections(device, FLOATS) or device.actuator is not None or device.structure is not None
+    if kind.inverse and problem.rigid and not estimated:  # the literature's wall: a spring and a differenced position
+        late = float(device.loop_lag)
+        if device.delay == 0 and device.differences:
+            yield Line("k_c = 2 (b - b_c)/T, passive below", DAMPING, stiffness, lambda B: 2 * (b - B) / T)
+        yield Line("k_c = (b + b_c)/(T/2 + t_d), limit without a hand", DAMPING, stiffness, lambda B: (b + B) / late)
     if device.servo is not None and problem.hands_met is not None and problem.worlds is None:
         rest = problem.stability.safety_factor * drag_at_rest([device], problem.hands_met)
         yield Line("D = K L, infeasible below", MASS_OR_STIFFNESS, DRAG, lambda M: np.full_like(M, rest))

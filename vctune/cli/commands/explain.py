@@ -48,7 +48,8 @@ def explain(run: Run, name: str | None) -> int:
     try:
         found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
     except InputError:
-        if name is not None and not (run.quiet or explaining.nearest(name)):
+        known = name is None or run.quiet or explaining.nearest(name) or explaining.mentioning(name)
+        if not known:
             click.echo(_page(explaining.explain("tasks").entries[0]) + "\n", err=True)
         raise
     pages = _contents(found.entries) if name is None else map(_page, found.entries)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
-from vctune.cli.options import PATH, command, out_option, problem_argument, time_limited
+from vctune.cli.options import PATH, Share, command, out_option, problem_argument, time_limited
 from vctune.cli.runner import Run
 
 
@@ -19,7 +19,7 @@ from vctune.cli.runner import Run
 @click.option("--y", type=click.Choice(VARIABLES), metavar="KEY", help="Vertical axis of the plane.")
 @click.option(
     "--resolution",
-    type=click.FloatRange(*RESOLUTIONS),
+    type=Share(*RESOLUTIONS),
     metavar="SHARE",
     default=1 / 256,
     show_default="1/256",
@@ -51,7 +51,15 @@ def region(
     After Ctrl-C or the time limit, it writes the cells decided so far, with code 3. A second Ctrl-C ends it at once.
     """
     from vctune import interrupt, read_problem
-    from vctune.api.regions import REGION_FILE, axes_of, best_design, design_for, measured_points, require_plane
+    from vctune.api.regions import (
+        PICTURE,
+        REGION_FILE,
+        axes_of,
+        best_design,
+        design_for,
+        measured_points,
+        require_plane,
+    )
     from vctune.api.regions import region as find
     from vctune.api.result import design_folder, write
 
@@ -74,4 +82,4 @@ def region(
             "time-limit" if found.late else "interrupted",
             f"{folder / REGION_FILE}: holds what was decided before the {by}",
         )
-    return run.show(found, found.record, folder)
+    return run.show(found, found.record, folder, [f"open {folder / PICTURE}"])

@@ -234,10 +234,18 @@ class _Search:
         """Try small steps of every change before great steps of any."""
         # a change that only relaxes a constraint suffices at most at its limit
         hopeful = [change for change in changes if not change.eases or self.reserve(change, change.limit) >= 1]
-        steps = sorted((size, k, new) for k, change in enumerate(hopeful) for size, new in change.steps(self.solved))
+        posed = self.posed(self.document)
+        solves = (
+            posed is not None and not posed.bounds.fixed
+        )  # each step may take seconds: those of the design come first
+        steps = sorted(
+            (solves and change.assumes, size, k, new)
+            for k, change in enumerate(hopeful)
+            for size, new in change.steps(self.solved)
+        )
         tried: list[list[tuple[float, float]]] = [[(change.old, 0.0)] for change in hopeful]
         settled = set[int]()
-        for _, k, new in steps:
+        for _, _, k, new in steps:
             change = hopeful[k]
             if k in settled or not self.wants(change):
                 continue
