@@ -31,6 +31,7 @@ EXPLAINED = {
     "term": "Terms",
     "device": "Devices by name",
     "claim": "Claims",
+    "task": "Tasks",
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 

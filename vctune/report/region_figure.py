@@ -186,7 +186,7 @@ def _lines(
     drawn = axes.contour(at, at, values, levels=levels, colors=colour, linewidths=1.0, linestyles=dashes)
     if len(levels) > 1:
         axes.clabel(drawn, fmt="%g", fontsize=8)
-    if any(drawn.allsegs):
+    if any(len(each) for each in drawn.allsegs):
         axes.plot([], [], dashes, color=colour, linewidth=1.0, label=label)
 
 
