@@ -165,22 +165,18 @@ class LoopsInWorlds:
         low, reach = low[order], np.maximum.accumulate(np.append(0.0, high[order]))
         return float(reach[np.flatnonzero(np.append(low, inf) > reach * room)[0]])
 
-    def limit(self, coupling: AnyCoupling) -> Place:
-        """Return the multiple of a coupling beyond which nothing fails in these hands, as `least_ratio_in_worlds`
-        finds it, and where; 0 if nothing fails."""
-        return _limit(self.failing(coupling), self.hands, Place(0.0, 0.0, self.hands[0]))
-
     def limits(self, coupling: AnyCoupling) -> list[Place]:
-        """Return the limit in each hand alone."""
+        """Return for each hand alone the multiple of a coupling beyond which nothing fails, and where; 0 if nothing
+        fails."""
         found = self.failing(coupling)
         parts = [_Failing(*(numbers[[k]] for numbers in found)) for k in range(len(self.hands))]
         nowhere = Place(0.0, 0.0, self.hands[0])
         return [_limit(part, [hand], nowhere._replace(hand=hand)) for part, hand in zip(parts, self.hands, strict=True)]
 
     def ratio(self, coupling: AnyCoupling) -> float:
-        """Return the number by which a coupling may be divided in these hands."""
-        found = self.limit(coupling).value
-        return 1 / found if found > 0 else inf
+        """Return the number by which a coupling may be divided in these hands, as `least_ratio_in_worlds` does."""
+        found = _limit(self.failing(coupling), self.hands, Place(0.0, 0.0, self.hands[0]))
+        return 1 / found.value if found.value > 0 else inf
 
 
 def _in_disc(real: Floats, own: Floats, loss: Floats, corner: Floats, radius: Floats, angles: Floats) -> _Failing:

@@ -114,6 +114,8 @@ def nearest(name: str) -> list[str]:
 def mentioning(name: str) -> list[str]:
     """Return the names of some entries whose text contains a word, the shortest texts first."""
     word = re.compile(rf"\b{re.escape(_plain(name))}s?\b", re.IGNORECASE)
+    if not re.search(r"\w\w", name):
+        return []
     found = sorted((each for each in entries() if word.search(each.text)), key=lambda each: len(each.text))
     return list(dict.fromkeys(each.name for each in found if each.kind != "task"))[:MENTIONED]
 

@@ -102,6 +102,13 @@ def _met(demands: Demands) -> Worlds:
     return Worlds(nothing, nothing) if demands.worlds is None else demands.worlds.linear
 
 
+def exactly_met(demands: Demands) -> tuple[Hands, Worlds]:
+    """Return the boxes of hands and environments in enclosures."""
+    hands = demands.hands
+    assert hands is not None
+    return Hands(hands.low.mapped(decimal), hands.high.mapped(decimal)), _met(demands).converted(decimal)
+
+
 def poles_outside(design: Design, demands: Demands, hand: Hand, world: World) -> tuple[float, int]:
     """Return the number of poles outside the curve in a hand with an environment, nan if it is open, and the number of
     boxes of the count."""
@@ -218,9 +225,8 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
 
 def _spans_miss_zero(demands: Demands, uncertain: tuple[str, ...], delays: Delays | None, fixed: Values) -> Test:
     """Return the test that no pole of a servo is on the curve in any hand with any environment."""
-    assert demands.hands is not None
-    low, high = (end.mapped(decimal) for end in (demands.hands.low, demands.hands.high))
-    boxed, fixed = (Hands(low, high), _met(demands).converted(decimal)), {**fixed, **low.by_key}  # of rows it has none
+    boxed = exactly_met(demands)
+    fixed = {**fixed, **boxed[0].low.by_key}  # the boxes have no rows of hands
 
     def of(spanned: Callable[..., Any]) -> Test:
         return spans_miss_zero(over(partial(spanned, *boxed), demands, uncertain, delays), fixed)

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.box_tests import spans_miss_zero
 from vctune.proof.boxes import Values
 from vctune.proof.claims.cases import over
 from vctune.proof.claims.claim import Question
+from vctune.proof.claims.damping import exactly_met
 from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.in_hands import Asked, Tests, decided, ends_of, fixed_of, uncertain_in
 from vctune.proof.claims.worlds import whole_impedance
-from vctune.proof.enclosures.intervals import decimal
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import boxes_at_most
 
@@ -38,9 +37,7 @@ def prove_together(axes: Sequence[Question]) -> Outcome:
     def tests(part: DelayPart, _: Values) -> Tests:
         parts, fixed = [], []
         for axis in axes:
-            hands, worlds = axis.demands.hands, axis.demands.worlds
-            assert hands is not None and worlds is not None
-            exact = Hands(hands.low.mapped(decimal), hands.high.mapped(decimal)), worlds.linear.converted(decimal)
+            exact = exactly_met(axis.demands)
             parts.append(over(partial(whole_impedance, *exact), axis.demands, uncertain, part.delays))
             fixed.append({**fixed_of(axis.design), **exact[0].low.by_key})  # the boxes have no rows of hands
 

@@ -36,7 +36,7 @@ from vctune.proof.boxes import Cells, Values, over_cells, over_hands, with_row
 from vctune.proof.claims.cases import COUPLING_SHARE, Case, exact_case, over
 from vctune.proof.claims.claim import Claim, Outcomes, Question, Suspect
 from vctune.proof.claims.covered import Covered, Place, most
-from vctune.proof.claims.damping import OF_CELL, poles_beyond
+from vctune.proof.claims.damping import OF_CELL, exactly_met, poles_beyond
 from vctune.proof.claims.delays import DelayPart
 from vctune.proof.claims.hands import band, few, prove_cells
 from vctune.proof.claims.in_hands import (
@@ -53,7 +53,7 @@ from vctune.proof.claims.in_hands import (
     tested_with,
 )
 from vctune.proof.claims.poles import hand_turns
-from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, between, decimal, negative, surely_negative
+from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, Flags, between, negative, surely_negative
 from vctune.proof.outcome import Outcome, Verdict
 from vctune.running import check_time
 
@@ -201,9 +201,7 @@ def whole_impedance(hands: Hands, worlds: Worlds, case: Case, theta: Number) -> 
 def _hold_for_servo(cells: Covered) -> Flags:
     """Return the cells of which each design is stable: the whole impedance of a servo is linear in hand and
     environment."""
-    demands, hands, worlds = cells.demands, cells.demands.hands, cells.demands.worlds
-    assert worlds is not None and hands is not None
-    exact = Hands(hands.low.mapped(decimal), hands.high.mapped(decimal)), worlds.linear.converted(decimal)
+    demands, exact = cells.demands, exactly_met(cells.demands)
     test = spans_miss_zero(over(partial(whole_impedance, *exact), demands), exact[0].low.by_key)
     proved = hand_turns(cells.centres()).number == 0
     left = np.flatnonzero(proved)
