@@ -19,7 +19,7 @@ TREES = ("vctune", "problems", "results", "tests", "docs", ".github")
 CHAPTERS = {
     "Begin": "docs docs/tutorials/log-to-firmware docs/tutorials/my-arm-in-ten-minutes docs/tutorials/my-robot-shakes "
     "docs/tutorials/stable-and-it-shakes "
-    "vctune/document vctune/document/off-the-menu vctune/cli docs/what-else",
+    "vctune/document vctune/document/off-the-menu vctune/cli docs/validated docs/what-else",
     "Look up": "explain/code explain/key explain/term explain/device explain/claim vctune problems results reference",
     "More tools": "vctune/firmware vctune/identification vctune/study vctune/simulation vctune/report vctune/api",
     "How it works": "vctune/model vctune/design vctune/design/bound vctune/proof vctune/analysis vctune/bench",
