@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, last_to_hold, local_minima
+from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.multiples import least_ratio_in_worlds
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
@@ -26,7 +27,7 @@ PER_DECADE = 120  # Number of angles per decade
 
 NO_GAINS = Gains(0.0, 0.0)
 DOUBLINGS = 60  # Number of doublings of a stiffness that is borne
-HALVINGS = 40  # Number of halvings of a range of stiffnesses, which give twelve digits
+SHARE = 1e-8  # Share of a stiffness to which it is found
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +74,16 @@ def stiffest_contact(
     if worlds is None:
         return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
-    def bears(stiffness: float) -> bool:
+    def spare(device: Device, stiffness: float) -> float:
         low = replace(hands.low, stiffness=min(hands.low.stiffness, stiffness))
         softer = Hands(low, replace(hands.high, stiffness=stiffness))
-        ratios = (least_ratio_in_worlds(device, softer, NO_GAINS, coupling, worlds).ratio for device in devices)
-        return all(ratio >= factor for ratio in ratios)
+        ratio = least_ratio_in_worlds(device, softer, NO_GAINS, coupling, worlds).ratio
+        return max(1 - factor / ratio, -1.0) if ratio > 0 else -1.0
 
-    return _last_borne(bears, hands)
+    least = inf
+    for device in devices:
+        least = _last_borne(partial(spare, device), hands, least)
+    return least
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
@@ -107,23 +111,27 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
     theta = _angles(device)
     room = offered(coupling, device, theta, FLOATS) / factor
 
-    def bears(stiffness: float) -> bool:
+    def spare(stiffness: float) -> float:
         low, high = (replace(end, stiffness=stiffness) for end in (hands.low, hands.high))
-        return bool((demand_of(device, Hands(low, high)).at(theta) <= room).all())
+        return float(np.min(room - demand_of(device, Hands(low, high)).at(theta)))
 
-    return _last_borne(bears, hands)
+    return _last_borne(spare, hands)
 
 
-def _last_borne(bears: Callable[[float], bool], hands: Hands) -> float:
-    """Return the greatest stiffness that is borne, inf if there is none, -inf if even that of the softest hand is
-    not."""
-    low, high = hands.low.stiffness, max(hands.high.stiffness, 1.0)
-    if not bears(low):
+def _last_borne(spare: Callable[[float], float], hands: Hands, most: float = inf) -> float:
+    """Return the greatest stiffness up to `most` that leaves something to spare; inf without a limit, -inf if that of
+    the softest hand leaves nothing."""
+    from scipy.optimize import brentq
+
+    low, high = hands.low.stiffness, min(max(hands.high.stiffness, 1.0), most)
+    if most == -inf or spare(low) < 0:
         return -inf
     for _ in range(DOUBLINGS):
-        if not bears(high):
-            return last_to_hold(bears, low, high, HALVINGS)
-        low, high = high, 2 * high
+        if spare(high) < 0:
+            return float(brentq(spare, low, high, xtol=SHARE * high, rtol=SHARE))
+        if high == most:
+            return most
+        low, high = high, min(2 * high, most)
     return inf
 
 

@@ -160,7 +160,7 @@ class LoopsInWorlds:
         """Return the least multiple of a coupling beyond which nothing fails up to `room` times as much, here and in
         other loops; 0 if nothing fails near 0."""
         failing = [loop.failing(coupling) for loop in (self, *others)]
-        low, high = (np.concatenate([each[end].ravel() for each in failing]) for end in (0, 1))
+        low, high = (np.concatenate([each[end][each.low < inf] for each in failing]) for end in (0, 1))
         order = np.argsort(low)
         low, reach = low[order], np.maximum.accumulate(np.append(0.0, high[order]))
         return float(reach[np.flatnonzero(np.append(low, inf) > reach * room)[0]])
@@ -195,18 +195,23 @@ def _between(above: Floats, below: Floats, resistive: Floats, angles: Floats) ->
 
     There the three are nearly lines, so that such a y is least and greatest at an angle or where two lines cross.
     """
-    low, high = (np.full(above[:, 1:].shape, end) for end in (inf, -inf))
-    theta = np.broadcast_to(angles[:-1], low.shape)
-    crossings = above - resistive, below - resistive, below
-    shares = [np.clip(of[:, :-1] / (of[:, :-1] - of[:, 1:]), 0.0, 1.0) for of in crossings]
-    for share in (np.zeros(1), np.ones(1), *shares):
-        first, last, real = (each[:, :-1] + share * (each[:, 1:] - each[:, :-1]) for each in (above, below, resistive))
+    possible = [np.maximum(of[:, :-1], of[:, 1:]) >= 0 for of in (below, resistive)]
+    hand, step = np.nonzero(possible[0] & possible[1])
+    lines = [(of[hand, step], of[hand, step + 1]) for of in (above, below, resistive)]
+    crossings = np.subtract(lines[0], lines[2]), np.subtract(lines[1], lines[2]), lines[1]
+    shares = [np.clip(start / (start - end), 0.0, 1.0) for start, end in crossings]
+    low, high, theta = np.full(hand.size, inf), np.full(hand.size, -inf), angles[step]
+    for share in (0.0, 1.0, *shares):
+        first, last, real = (start + share * (end - start) for start, end in lines)
         first, last = np.maximum(first, 0.0), np.minimum(last, real)
         fails = first <= last * (1 + ROUNDING)
         low = np.where(fails, np.minimum(low, first), low)
-        theta = np.where(fails & (last > high), angles[:-1] + share * np.diff(angles), theta)
+        theta = np.where(fails & (last > high), angles[step] + share * np.diff(angles)[step], theta)
         high = np.where(fails, np.maximum(high, last), high)
-    return _Failing(low, high, theta)
+    every = [np.broadcast_to(of, above[:, 1:].shape).copy() for of in (inf, -inf, angles[:-1])]
+    for whole, part in zip(every, (low, high, theta), strict=True):
+        whole[hand, step] = part
+    return _Failing(*every)
 
 
 def _limit(failing: _Failing, hands: Sequence[Hand], known: Place) -> Place:

@@ -32,7 +32,7 @@ def read_text(path: Path) -> str:
     except FileNotFoundError:
         raise InputError.of(source, "unreadable-file", "no such file") from None
     except IsADirectoryError:
-        raise InputError.of(source, "unreadable-file", "is a directory; name the .toml file in it") from None
+        raise InputError.of(source, "unreadable-file", "is a directory; name the file in it") from None
     except OSError as error:
         raise InputError.of(source, "unreadable-file", f"cannot be read: {error.strerror}") from None
     except ValueError:
