@@ -238,8 +238,17 @@ def _plain(name: str) -> str:
 
 
 def example_names() -> list[str]:
-    """Return the names of the example problems."""
-    return sorted(path.stem for path in _examples().glob("*.toml"))
+    """Return the names of the example problems: those that show a feature, then devices that people own."""
+    return list(_examples())
+
+
+def example_purpose(name: str) -> str:
+    """Return what an example is, from its description, or else the first sentence of its comment."""
+    text = _examples()[name].read_text(encoding="utf-8")
+    if stated := re.search(r'^description = "(.*)"', text, re.MULTILINE):
+        return stated[1]
+    comment = " ".join(re.findall(r"^# (.*)", text, re.MULTILINE))
+    return re.split(r"[.:] ", comment)[0]
 
 
 def write_example(name: str, folder: Path) -> Path:
@@ -248,7 +257,7 @@ def write_example(name: str, folder: Path) -> Path:
     if name not in example_names():
         raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
     schema = (Path(str(files("vctune"))) / "document/problem.schema.json").as_uri()
-    text = (_examples() / f"{name}.toml").read_text(encoding="utf-8")
+    text = _examples()[name].read_text(encoding="utf-8")
     path = folder / f"{name}.toml"
     if path.exists():
         raise InputError.of(str(path), "file-exists", "is there already; name another folder by --out, or remove it")
@@ -257,8 +266,13 @@ def write_example(name: str, folder: Path) -> Path:
     return path
 
 
-def _examples() -> Path:
-    """Return the folder of the example problems: inside an installed package, or next to the package in a checkout."""
+def _examples() -> dict[str, Path]:
+    """Return the files of the example problems by name: inside an installed package, or next to the package in a
+    checkout."""
     package = Path(str(files("vctune")))
     inside = package / PROBLEMS
-    return inside if inside.is_dir() else package.parent / PROBLEMS
+    folder = inside if inside.is_dir() else package.parent / PROBLEMS
+    paths = (
+        path for of in (folder, folder / "devices") for path in sorted(of.glob("*.toml"), key=lambda path: path.stem)
+    )
+    return {path.stem: path for path in paths}

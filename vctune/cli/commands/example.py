@@ -22,10 +22,12 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
 @click.option("--out", type=PATH, default=".", show_default=True, help="Folder for NAME.toml.")
 def example(run: Run, name: str | None, out: Path) -> int:
     """Write the example problem NAME.toml. Without NAME, list the examples."""
-    from vctune.api.explaining import example_names, write_example
+    from vctune.api.explaining import example_names, example_purpose, write_example
     from vctune.document.text.json import printed
 
     names, file = example_names() if name is None else [name], None if name is None else str(write_example(name, out))
-    lines = [f"written to {file}; next: vctune solve {file}"] if file else names
+    width = max(map(len, names))
+    listed = (f"{each:{width}}  {example_purpose(each)}" for each in names)
+    lines = [f"written to {file}; next: vctune solve {file}"] if file else listed
     run.say(lambda: printed("example", names=names, file=file), lambda: ((line,) for line in lines))
     return 0
