@@ -41,6 +41,7 @@ STRIP, GAP = 0.03, 0.008
 LINES = "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1))  # dashes of the limits of the literature
 EVEN = 1e-6  # Relative difference of the steps of an even axis
 APART = 0.06  # Least distance between ticks, as a share of the axis
+LABEL_ROOM = 0.04  # Least distance of a label from a border and another one's line; twice as far along a line
 MESH = 48  # Number of nodes along each axis of the mesh for contours
 
 
@@ -182,10 +183,16 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
 def _lines(
     axes: Axes, at: Floats, values: Floats, levels: Sequence[float], colour: str, label: str, dashes: str
 ) -> None:
-    """Draw contours; those of several levels state them."""
+    """Draw contours; those of several levels state them, where no other level and no border is in the way."""
     drawn = axes.contour(at, at, values, levels=levels, colors=colour, linewidths=1.0, linestyles=dashes)
-    if len(levels) > 1:
-        axes.clabel(drawn, fmt="%g", fontsize=8)
+    others = [np.array(text.get_position()) for text in axes.texts]
+    for text in axes.clabel(drawn, fmt="%g", fontsize=8) if len(levels) > 1 else ():
+        place = np.array(text.get_position())
+        room = [place.min(), 1 - place.max(), *(np.max(np.abs(place - other) / (2, 1)) for other in others)]
+        if min(room) < LABEL_ROOM:
+            text.remove()
+        else:
+            others.append(place)
     if any(len(each) for each in drawn.allsegs):
         axes.plot([], [], dashes, color=colour, linewidth=1.0, label=label)
 
