@@ -16,7 +16,7 @@ import numpy as np
 from vctune.design.advice.pairs import SIZES, Pair, pairs
 from vctune.design.advice.parameter_changes import ParameterChange, change_of_gain, parameter_changes
 from vctune.design.advice.reserve import reserve
-from vctune.design.judging.judge import Judgement, Status, certified, with_best_corner
+from vctune.design.judging.judge import Judgement, Status, certified, judgement_of, with_best_corner
 from vctune.design.prepared import pose
 from vctune.design.result import Repair, Solved
 from vctune.document.gains_file import design_numbers, design_tables
@@ -107,7 +107,8 @@ def repairs_of_design(
     problem = _posed(pasted)
     assert problem is not None, "a valid problem with valid gains is one"
     solved = {change.key: change.limit for change in changed}
-    found = find_repairs(pasted, parameter_changes(pasted, problem), hands_of(judgement), progress, solved=solved)
+    with time_limit(MOST_SECONDS if problem.stability.calm else inf):  # each value that is tried is kicked
+        found = find_repairs(pasted, parameter_changes(pasted, problem), hands_of(judgement), progress, solved=solved)
     with suppress(OutOfTimeError):
         if len(changed) > 1 and not any(repair.key in SYMBOLS for repair in found.repairs or []):
             undone = reduce(lambda document, edit: edit.applied(document, edit.limit), changed, pasted)
@@ -151,7 +152,8 @@ def _proved(problem: Problem | None) -> _Proof:
         certificate = certified(Design(posed.demands.device, *law), posed.demands, posed.box)
     check_time()  # at the time limit the proof may be incomplete
     if certificate.verdict is Verdict.PROVED:
-        return _Proof(posed.error(*law), certificate.boxes)
+        calm = not problem.stability.calm or judgement_of(posed, *law, certificate).status is Status.CERTIFIED
+        return _Proof(posed.error(*law) if calm else None, certificate.boxes)
     refuted = (found.hand for found in certificate.outcomes.values() if found.verdict is Verdict.REFUTED)
     return _Proof(None, certificate.boxes, next((hand for hand in refuted if hand is not None), None))
 

@@ -13,7 +13,8 @@ from vctune.analysis.multiples import ratio_in_these
 from vctune.analysis.stability import clearly_stable
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
-from vctune.design.prepared import pose
+from vctune.design.judging.kicked import buzz_of, ringing_of
+from vctune.design.prepared import Posed, pose
 from vctune.design.search.theorems import impossible
 from vctune.model.demands import Demands
 from vctune.model.device import Device
@@ -39,7 +40,7 @@ def reserve(problem: Problem, also: Sequence[Hand]) -> float:
     ratios += [margin_on_band(case, gains, coupling).ratio for case in cases if problem.passive]
     least = min((ratio / safe for ratio in ratios if not isnan(ratio)), default=inf)
     if least < 1 or not problem.device.kind.own_loop:
-        return least
+        return least if least < 1 or _calm(posed, gains, coupling) else 0.0
     least = min(
         least, *(-stability.max_sensitivity / float(sensitivity_maxima(case, gains).value[0]) for case in cases)
     )
@@ -47,7 +48,16 @@ def reserve(problem: Problem, also: Sequence[Hand]) -> float:
         least = min(least, *(-1 / float(unmodelled_maxima(case, gains).value[0]) for case in cases))
     loops = (loop for case in cases for loop in case.device.loops)
     unstable = least >= 1 and any(clearly_stable(loop, gains) is False for loop in loops)
-    return 0.0 if unstable else least
+    return 0.0 if unstable or not _calm(posed, gains, coupling) else least
+
+
+def _calm(posed: Posed, gains: Gains, coupling: AnyCoupling) -> bool:
+    """Return whether no kick keeps a design moving, if that is demanded."""
+    problem = posed.problem
+    if not problem.stability.calm:
+        return True
+    kicked = buzz_of(problem, ringing_of(posed, problem.device, gains, coupling), gains, coupling)
+    return kicked is not None and not kicked.moving
 
 
 def _in_hands(

@@ -42,8 +42,9 @@ class RingingRecord(RecordPart):
 
     @property
     def briefly(self) -> str:
-        """The ratio and the time in a few words."""
-        return f"rings with a damping ratio of {text(self.damping_ratio, 2)}, {_time(self.time_constant_s)} to 1/e"
+        """The ratio, its frequency and the time in a few words."""
+        ratio, hz = text(self.damping_ratio, 2), text(self.frequency_hz, 3)
+        return f"rings with a damping ratio of {ratio} at {hz} Hz, {_time(self.time_constant_s)} to 1/e"
 
     def told(self, units: Units) -> str:
         """Return ratio and time in words."""

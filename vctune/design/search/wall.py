@@ -25,7 +25,7 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.rest import read_in_steps, settles
+from vctune.model.rest import greatest_at_rest, read_in_steps, settles, step_of_damper
 from vctune.running import boxes_at_most, check_time
 
 PER_DECADE = 480  # angles for any passive hand
@@ -148,6 +148,12 @@ def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
     return _rounded(posed, SpringDamper(best, stiffness(best)))
 
 
+def _damper_held(device: Device) -> float:
+    """Return the damping, N s/m, whose answer to one step of the reading is as great as the friction both ways."""
+    step = step_of_damper(device, NO_LOOP, SpringDamper(1.0, 0.0))
+    return 2 * (device.friction or 0.0) / step if step > 0 else inf
+
+
 def _rounded(posed: Posed, wall: SpringDamper) -> SpringDamper:
     _, found = design_of(rounded(posed.problem, point(NO_LOOP, wall)))
     assert isinstance(found, SpringDamper)
@@ -162,7 +168,8 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
     """
     problem, stiffness = posed.problem, _stiffness_at(posed, devices)
     dampings, springs = problem.bounds.damping, problem.bounds.stiffness
-    least = max(springs.min, SOFTEST * stiffest.stiffness)
+    most = min(stiffest.stiffness, greatest_at_rest(problem.device) or inf)
+    least = max(springs.min, SOFTEST * most)
 
     def calm(wall: SpringDamper) -> bool:
         rings = ringing_of(posed, problem.device, NO_LOOP, wall)
@@ -174,13 +181,14 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
             wall = SpringDamper(damping, exp(log_stiffness))
             return all(settles(Design(case.device, NO_LOOP, wall)) for case in posed.cases)
 
-        most = stiffness(damping)
-        if most <= least or not comes_to_rest(log(least)):
+        high = min(stiffness(damping), most)
+        if high <= least or not comes_to_rest(log(least)):
             return 0.0
-        return most if comes_to_rest(log(most)) else exp(last_to_hold(comes_to_rest, log(least), log(most), HALVINGS))
+        return high if comes_to_rest(log(high)) else exp(last_to_hold(comes_to_rest, log(least), log(high), HALVINGS))
 
-    tried = sorted({float(np.clip(stiffest.damping * share, dampings.min, dampings.max)) for share in SHARES})
     known = problem.device.friction is not None and read_in_steps(problem.device) is not None
+    held = _damper_held(problem.device) if known else inf
+    tried = np.unique(np.clip(min(held, stiffest.damping) * SHARES, dampings.min, dampings.max)).tolist()
     found = max((settled(damping), damping) for damping in tried) if known else (0.0, 0.0)
     for stiffer, damped in (*product(STIFFER, DAMPED), (1 - RESERVE, 1.0)) if found[0] > 0 else ():
         spring, damping = found[0] * stiffer, min(found[1] * damped, dampings.max)
@@ -188,7 +196,7 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
             return wall
     for share in SOFTER:  # what rests is not known: the softer and the less damped a wall, the less it buzzes
         for damping in tried[:: len(tried) // 4]:
-            spring = min(share * stiffest.stiffness, stiffness(damping))
+            spring = min(share * most, stiffness(damping))
             if spring >= least and calm(wall := _rounded(posed, SpringDamper(damping, spring))):
                 return wall
     return None
