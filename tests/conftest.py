@@ -48,11 +48,15 @@ def drawn(many: int) -> int:
 
 
 def every_case_of(item: pytest.Item) -> bool:
-    """Return whether no case of a test is left out: golden answers, and kinds of claims."""
-    return item.path.parent.name == "golden" or (
-        item.path.name in ("test_claims.py", "test_core.py")
-        and "kind" in item.callspec.params
-        and "number" not in item.callspec.params
+    """Return whether no case of a test is left out: golden answers, tutorials, and kinds of claims."""
+    return (
+        item.path.parent.name == "golden"
+        or item.path.name == "test_tutorials.py"
+        or (
+            item.path.name in ("test_claims.py", "test_core.py")
+            and "kind" in item.callspec.params
+            and "number" not in item.callspec.params
+        )
     )
 
 

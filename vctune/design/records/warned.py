@@ -15,13 +15,15 @@ from vctune.model.problem import Problem
 from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import lightest_mass
 
+SHOWN_DIGITS = 6  # Digits to which a value on a bound equals it: a search ends beside it
+
 
 def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
     """Return the dotted keys of the free variables that lie on a bound, with the side."""
     values, found = point(judgement.gains, judgement.coupling), list[tuple[str, str]]()
     for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
         sides = () if bounds.fixed else (("upper", bounds.max), ("lower", bounds.min))
-        found += [(key, side) for side, edge in sides if near(value, edge, bounds)]
+        found += [(key, side) for side, edge in sides if near(value, edge, bounds, SHOWN_DIGITS)]
     return found
 
 
