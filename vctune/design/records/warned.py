@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import lightest_mass
 
-SHOWN_DIGITS = 6  # Digits to which a value on a bound equals it: a search ends beside it
+SHOWN_DIGITS = 6  # Digits to which a value on a bound above 0 equals it: a search ends beside it
 
 
 def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
@@ -23,7 +23,8 @@ def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
     values, found = point(judgement.gains, judgement.coupling), list[tuple[str, str]]()
     for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
         sides = () if bounds.fixed else (("upper", bounds.max), ("lower", bounds.min))
-        found += [(key, side) for side, edge in sides if near(value, edge, bounds, SHOWN_DIGITS)]
+        found += [(key, side) for side, edge in sides if edge and near(value, edge, bounds, SHOWN_DIGITS)]
+        found += [(key, side) for side, edge in sides if not edge and near(value, edge, bounds)]
     return found
 
 
