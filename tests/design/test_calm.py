@@ -158,6 +158,58 @@ def test_a_calm_wall_rests_after_own_kicks():
     assert calm.coupling.stiffness > 0.1 * free.coupling.stiffness
 
 
+LOW_FRICTION = """[device]
+display = "impedance"
+mass = 0.06
+damping = 0.1
+friction = {}
+sample_time = 1e-3
+velocity = {{ resolution = 2e-5, filter_hz = 100.0 }}
+[environment]
+stiffness = inf
+[operator]
+mass = {{ max = 0.1 }}
+damping = {{ max = 10.0 }}
+stiffness = {{ max = 1000.0 }}
+[coupling]
+{}
+[stability]
+criterion = "hands"
+calm = true
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("friction", "coupling", "least"),
+    [
+        (0.005, "", 350.0),  # of 500 N/m, 2 f/q
+        (0.005, "damping = 0.5", 250.0),
+        (0.005, "stiffness = 300.0", 300.0),
+        (0.005, "damping = 0.0", None),  # an undamped wall in undamped hands never rests
+        (0.0, "", None),
+    ],
+)
+def test_what_a_file_fixes_of_a_calm_wall_is_kept(friction, coupling, least):
+    """The stiffness is found though the stable walls are thirty times as stiff, or the search ends without a wall. In an
+    undamped hand it rings for a second, so that own kicks are looked at after 20 s."""
+    solved = vctune.solve(vctune.problem(tomllib.loads(LOW_FRICTION.format(friction, coupling))))
+    if least is None:
+        assert solved.judgement is None and solved.status == "undecided"
+        return
+    wall = solved.judgement.coupling
+    assert solved.status == "certified" and wall.stiffness >= least
+    assert all(getattr(wall, key) == value for key, value in tomllib.loads(coupling).items())
+    hands = np.array([(m, b, k) for m in (0.0, 0.1) for b in (0.0, 10.0) for k in (0.0, 1000.0)] * 10)
+    walls = [
+        Rubbing(0.06, 0.1, 1e-3, wall.stiffness, wall.damping, 2e-5, friction, hz=100.0, hand=tuple(h)) for h in hands
+    ]
+    rng, unit = np.random.default_rng(4), 2e-5 / 1e-3 + friction / (0.1 + wall.damping)
+    starts = rng.uniform(-1e-5, 1e-5, len(hands)), rng.uniform(0, 16, len(hands)) * unit
+    seen = struck(walls, *starts, friction * rng.uniform(-1.25, 1.25, len(hands)), 20.0, 0.5, parts=6)
+    assert (seen.moved > 1e-3 * 2e-5).sum() <= 1
+
+
 def test_a_wall_that_buzzes_fails_where_calm_is_demanded(tmp_path):
     (tmp_path / "wall.toml").write_text(PADDLE)
     (tmp_path / "gains.toml").write_text(toml_text({"coupling": {"damping": 30.0, "stiffness": 9500.0}}))

@@ -7,8 +7,9 @@ circle, so that each damping has a stiffness to find by halving, and the best da
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import product
-from math import exp, inf, log
+from math import ceil, exp, inf, log
 
 import numpy as np
 
@@ -37,12 +38,14 @@ NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
-# Of calm walls: dampings that are compared, as shares of that of the stiffest wall; least stiffness, over that of the
-# stiffest wall, and stiffnesses that are tried where none rests for sure; stiffnesses and dampings over those of the
-# stiffest that does; and how many times as many kicks it must bear
+# Of calm walls: dampings that are compared, over the lesser of what the friction holds and that of the stiffest wall;
+# least stiffness, over the greatest that rests or is stable; ratios of the stiffnesses that are tried from there
+# downwards, where some wall comes to rest for sure and where none does; dampings over that of the stiffest that does;
+# and how many times as many kicks it must bear
 SHARES, SOFTEST, MORE = np.geomspace(0.01, 1.5, 48), 0.02, 16
-STIFFER, DAMPED = (1.6, 1.45, 1.3, 1.15), (1.0, 1.3, 1.7)
-SOFTER = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.05, 0.03)
+STEP, WIDE_STEP, DAMPED, FEW = 0.87, 0.7, (1.0, 1.3, 1.7), 4
+BETWEEN = (2 / 3, 1 / 3)  # shares of a step by which a wall is then tried stiffer
+ROUNDED = 1 + 1e-9  # over a stiffness that was found by halving its logarithm
 
 Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
 
@@ -163,10 +166,10 @@ def _rounded(posed: Posed, wall: SpringDamper) -> SpringDamper:
 def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> SpringDamper | None:
     """Return about the stiffest wall that no kick keeps moving; None if none of those that were tried is calm.
 
-    The walls that are tried are stiffer than those that come to rest for sure (model/README.md, section 20), then the
-    stiffest of these, then softer ones.
+    The walls that are tried become softer from the stiffest that may rest, down to the stiffest that comes to rest for
+    sure (model/README.md, section 20).
     """
-    problem, stiffness = posed.problem, _stiffness_at(posed, devices)
+    problem, stiffness = posed.problem, cache(_stiffness_at(posed, devices))
     dampings, springs = problem.bounds.damping, problem.bounds.stiffness
     most = min(stiffest.stiffness, greatest_at_rest(problem.device) or inf)
     least = max(springs.min, SOFTEST * most)
@@ -182,7 +185,7 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
             return all(settles(Design(case.device, NO_LOOP, wall)) for case in posed.cases)
 
         high = min(stiffness(damping), most)
-        if high <= least or not comes_to_rest(log(least)):
+        if high * ROUNDED < least or not comes_to_rest(log(least)):
             return 0.0
         return high if comes_to_rest(log(high)) else exp(last_to_hold(comes_to_rest, log(least), log(high), HALVINGS))
 
@@ -190,13 +193,24 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
     held = _damper_held(problem.device) if known else inf
     tried = np.unique(np.clip(min(held, stiffest.damping) * SHARES, dampings.min, dampings.max)).tolist()
     found = max((settled(damping), damping) for damping in tried) if known else (0.0, 0.0)
-    for stiffer, damped in (*product(STIFFER, DAMPED), (1 - RESERVE, 1.0)) if found[0] > 0 else ():
-        spring, damping = found[0] * stiffer, min(found[1] * damped, dampings.max)
-        if spring <= stiffness(damping) and calm(wall := _rounded(posed, SpringDamper(damping, spring))):
-            return wall
-    for share in SOFTER:  # what rests is not known: the softer and the less damped a wall, the less it buzzes
-        for damping in tried[:: len(tried) // 4]:
-            spring = min(share * most, stiffness(damping))
-            if spring >= least and calm(wall := _rounded(posed, SpringDamper(damping, spring))):
-                return wall
+    if found[0] > 0:
+        springs_tried = _down(most, max(found[0] * (1 - RESERVE), least), STEP)
+        tried = np.unique(np.clip(found[1] * np.array(DAMPED), dampings.min, dampings.max)).tolist()
+    else:  # what rests is not known: the softer and the less damped a wall, the less it buzzes
+        springs_tried, tried = _down(most, least, WIDE_STEP), tried[:: ceil(len(tried) / FEW)]
+
+    def calm_wall(spring: float, damping: float) -> SpringDamper | None:
+        wall = _rounded(posed, SpringDamper(damping, spring))
+        return wall if spring <= stiffness(damping) * ROUNDED and calm(wall) else None
+
+    for spring, damping in product(springs_tried, tried):
+        if (wall := calm_wall(spring, damping)) is not None:
+            stiffer = (calm_wall(min(spring / STEP**share, most), damping) for share in BETWEEN if spring < most)
+            return next((each for each in stiffer if each is not None), wall)
     return None
+
+
+def _down(most: float, least: float, ratio: float) -> list[float]:
+    """Return numbers from the greatest to the least, each a share of the one before."""
+    steps = max(0, ceil(log(least / most) / log(ratio)))
+    return [*(most * ratio**n for n in range(steps)), least]
