@@ -191,8 +191,9 @@ calm = true
     ],
 )
 def test_what_a_file_fixes_of_a_calm_wall_is_kept(friction, coupling, least):
-    """The stiffness is found though the stable walls are thirty times as stiff, or the search ends without a wall. In an
-    undamped hand it rings for a second, so that own kicks are looked at after 20 s."""
+    """The stiffness is found though the stable walls are thirty times as stiff, or the search ends without a wall.
+
+    In an undamped hand a wall rings for a second, so that own kicks are looked at after 20 s."""
     solved = vctune.solve(vctune.problem(tomllib.loads(LOW_FRICTION.format(friction, coupling))))
     if least is None:
         assert solved.judgement is None and solved.status == "undecided"
