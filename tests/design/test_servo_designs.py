@@ -17,6 +17,7 @@ from vctune.analysis.contact import stiffest_contact
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
+from vctune.design.records.design import record_of
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
@@ -257,3 +258,13 @@ def test_a_latency_without_a_bandwidth_is_proved_for_each_division(more: str) ->
 def test_an_uncertain_latency_states_its_bandwidth() -> None:
     with pytest.raises(InputError, match="state the greatest delay instead, or the bandwidth_hz"):
         problem(late(5.0), '[uncertainty]\n"servo.delay" = 0.1\n')
+
+
+def test_a_latency_of_whole_samples_is_told_with_the_delay_beside_it() -> None:
+    """Its least lag makes the delay of half a sample less; where the force jumps, the whole samples are proved too."""
+    fixed = vctune.problem(tomllib.loads(late(4.0, "[coupling]\ndamping = inf\nmass = 20.0\ndrag = 900.0\n")))
+    solved = solve(fixed.problem)
+    rows = {row.label: (row.value, row.unit) for row in record_of(fixed, solved).groups()["uncertainty"]}
+    assert solved.status is Status.CERTIFIED
+    assert rows["servo.delay"] == ("0.008 to 0.014", "s, and 0.016 beside a whole sample")
+    assert rows["least ratio at"] == ("", "servo.delay 0.016")

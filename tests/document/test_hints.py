@@ -105,6 +105,9 @@ DOUBTS = {
     "50 g": ("warn-mass", HELD.replace("0.4", "50.0"), HELD.replace("0.4", "49.9"), "Then write 0.05"),
     "5 kg in g": ("warn-mass", HELD.replace("0.4", "5000.0"), HELD.replace("0.4", "5001.0"), "Then write 5"),
     "a linear mass": ("warn-mass", DEVICE.replace("0.4", "60.0"), (ROTARY + GRIP).replace("0.4", "60.0"), "in grams"),
+    "a tool in grams": (
+        "warn-mass", HELD + "[tool]\nmass = 2000.0\n", HELD + "[tool]\nmass = 2.0\n", "tool.mass is 2000 kg",
+    ),
     "a grip of 1e6": (
         "warn-stiffness", HELD + GRIP.replace("1e3", "1e6"), HELD + GRIP.replace("1e3", "9.9e5"),
         "is 1e+06 N/m; is it in N/m",

@@ -138,12 +138,19 @@ def test_bad_problems(source, text):
     assert text in str(refused.value)
 
 
+def test_a_servo_is_checked_with_a_coupling_alone():
+    arm = {"device": {"sample_time": 2e-3, "servo": {"delay": 8e-3, "bandwidth_hz": 20.0}}}
+    checks = [vctune.check(arm, None, vctune.Coupling(1e3, mass, drag)) for mass, drag in ((10.0, 100.0), (0.1, 0.1))]
+    assert [each.result for each in checks] == ["passed", "failed"]
+
+
 @pytest.mark.parametrize(
     ("call", "text"),
     [
         (lambda: vctune.check(WHEEL), "nothing to check: not fixed"),
         (lambda: vctune.check(WHEEL, vctune.Gains(-5.0, 1.0), vctune.Coupling(1.0, 1.0, 0.0)), "gains.velocity: -5"),
         (lambda: vctune.check(WHEEL, vctune.Gains(5.0, 1.0)), "is no design"),
+        (lambda: vctune.check(WHEEL, None, vctune.Coupling(100.0, 1.0, 1.0)), "is no design"),
         (lambda: vctune.simulate(VIOLATED), "add an [[experiment]] table"),
         (lambda: vctune.simulate(WHEEL, experiment="wall"), "none is called 'wall'; there are: spring"),
         (lambda: vctune.bound(VIOLATED), "fixes every number"),

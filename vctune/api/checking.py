@@ -57,7 +57,8 @@ def check(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None if the problem fixes all.
+        Gains, SI units, together with `coupling`; or a gains file or its path; None with the coupling of a
+        servo, which has no gains, or if the problem fixes all.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units; a `SpringDamper` for an impedance display.
     time_limit : float
@@ -76,7 +77,8 @@ def check(
     """
     with limited(time_limit):
         file = problem_of(problem)
-        design = None if gains is None else design_of(gains, coupling, file.problem.device.kind)
+        stated = gains is not None or coupling is not None
+        design = design_of(gains, coupling, file.problem.device.kind) if stated else None
         return check_problem(file, design)
 
 

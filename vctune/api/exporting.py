@@ -69,7 +69,8 @@ def export(
         Path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design;
         several only for "ros2", whose file has an axis for each.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the source's own.
+        Gains, SI units, together with `coupling`; or a gains file or its path; None with the coupling of a
+        servo, which has no gains, or for the source's own.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units.
     to : Format
@@ -175,7 +176,7 @@ def stated_design(
     record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
-        if gains is not None:
+        if gains is not None or coupling is not None:
             file, design = design_for(file, gains, coupling)
             return file, (design.gains, design.coupling), design.corner
         if not file.problem.bounds.fixed:
@@ -183,7 +184,7 @@ def stated_design(
             raise InputError.of(file.source, "not-fixed", f"nothing to export: {message}", key="gains")
         return file, file.problem.fixed_design, None
     name = str(source) if isinstance(source, str | Path) else "design"
-    if gains is not None:
+    if gains is not None or coupling is not None:
         message = "is a design of its own; name a problem file with other gains"
         raise InputError.of(name, "ambiguous-files", message, key="gains")
     if record.design is None:

@@ -168,7 +168,7 @@ def region(
     measured = measured_points(Path(points), (x, y)) if isinstance(points, str | Path) else points
     with limited(time_limit):
         marked = None
-        if gains is not None:
+        if gains is not None or coupling is not None:
             file, marked = design_for(file, gains, coupling)
         design = None if marked is None else (marked.gains, marked.coupling)
         solved = solved or best_design(file.problem, progress)

@@ -92,7 +92,8 @@ def simulate(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, given together with `coupling`; or a gains file or its path; None for the design of `solve`.
+        Gains, SI units, together with `coupling`; or a gains file or its path; None with the coupling of a
+        servo, which has no gains, or for the design of `solve`.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units.
     experiment : Experiment or str, optional
@@ -111,7 +112,7 @@ def simulate(
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    if gains is None:
+    if gains is None and coupling is None:
         law, coupling = _found(file, find(file.problem, progress))
     else:
         file, design = design_for(file, gains, coupling)

@@ -132,12 +132,15 @@ def problem(source: ProblemSource) -> ProblemFile:
     return ProblemFile(posed, toml_text(document))
 
 
-def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Display = ADMITTANCE) -> GainsFile:
-    """Return a design, read from a file or built from gains and coupling."""
+def design(gains: DesignSource | None, coupling: AnyCoupling | None = None, kind: Display = ADMITTANCE) -> GainsFile:
+    """Return a design, read from a file or built from gains and coupling; of a servo, which has no gains, from the
+    coupling alone."""
     if isinstance(gains, GainsFile) and coupling is None:
         return gains
     if isinstance(gains, str | Path) and coupling is None:
         return read_gains(gains)
+    if gains is None and not any(key.startswith("gains.") for key in kind.stated):
+        gains = Gains(0.0, 0.0)
     if not (isinstance(gains, Gains) and isinstance(coupling, AnyCoupling)):
         message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
         raise InputError.of("design", "bad-option", message)
@@ -161,7 +164,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
 
 
 def design_for(
-    file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None
+    file: ProblemFile, gains: DesignSource | None, coupling: AnyCoupling | None = None
 ) -> tuple[ProblemFile, GainsFile]:
     """Return a design, read from a file or built from gains and coupling, after the problem in whose rule it is
     stated."""

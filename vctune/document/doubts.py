@@ -41,8 +41,11 @@ def doubts(problem: Problem) -> Iterator[Note]:
         text = f"the latency of {1e3 * problem.device.stated_delay:g} ms is divided into delay and lag in any way"
         known = "a bandwidth_hz that is known gives a better design"
         yield Note("warn-latency", f"device.servo: {text}, with a lag of half a sample at least: {known}")
-    greatest = Hand(0.0, 0.0, 0.0) if problem.hands_met is None else problem.hands_met.held.high
-    for key, mass, most in (("device.mass", problem.device.mass, GRAMS[1]), ("operator.mass.max", greatest.mass, inf)):
+    met, nothing = problem.hands_met, Hand(0.0, 0.0, 0.0)
+    greatest = nothing if met is None else met.held.high
+    tool = nothing if met is None or met.tool is None else met.tool.high
+    masses = ("device.mass", problem.device.mass, GRAMS[1]), ("operator.mass.max", greatest.mass, inf)
+    for key, mass, most in (*masses, ("tool.mass", tool.mass, inf)):
         if problem.units.mass == "kg" and GRAMS[0] <= mass <= most:
             yield Note("warn-mass", f"{key} is {mass:g} kg; is it in grams? Then write {mass / 1e3:g}")
     if greatest.stiffness >= STIFFEST:

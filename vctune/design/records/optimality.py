@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
@@ -52,12 +53,18 @@ class UncertaintyRecord(RecordPart):
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the box, the device on which Re Z_c / R is least, and the errors."""
         for name, ends in self.box.items():
-            yield Row(name, text(ends), unit_of(("device", *name.split(".")), units))
+            yield Row(name, text(ends), unit_of(("device", *name.split(".")), units) + self._beside(name, *ends))
         if self.unmodelled:
             radii = [radius for _, radius in self.unmodelled]
             yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
         yield Row("least ratio at", "", self.min_ratio_device.in_words(units))
         yield from super().rows(units)
+
+    def _beside(self, name: str, low: Nullable, high: Nullable) -> str:
+        """Return in words the values beyond a range with which the claims hold too: beside a whole sample of delay."""
+        values = {each.parts[name] for each in (self.worst_device, self.min_ratio_device) if name in each.parts}
+        beyond = sorted(value for value in values if value < (low or 0.0) or value > (inf if high is None else high))
+        return "".join(f", and {text(value)} beside a whole sample" for value in beyond)
 
 
 def optimality_record(problem: Problem, found: Optimality) -> OptimalityRecord:
