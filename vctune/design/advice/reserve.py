@@ -7,6 +7,7 @@ from math import inf, isnan
 
 import numpy as np
 
+from vctune.analysis.damped import ServoOnCurve, WallOnCurve
 from vctune.analysis.demands import sensitivity_maxima, unmodelled_maxima
 from vctune.analysis.in_hands import least_ratio_before_wall, least_ratios_in_any_hand
 from vctune.analysis.multiples import ratio_in_these
@@ -18,11 +19,13 @@ from vctune.design.prepared import Posed, pose
 from vctune.design.search.theorems import impossible
 from vctune.model.demands import Demands
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.hands import Hand
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
+from vctune.simulation.worlds import least_damped_worlds
 
 MOST_DEVICES = 16  # Greatest number of devices of a box on which a design is estimated
+NO_ANGLES = np.array([])
 SLACK = 1e-5  # Share by which more than the safety factor is asked for, so that the proof succeeds
 
 
@@ -39,6 +42,8 @@ def reserve(problem: Problem, also: Sequence[Hand]) -> float:
         ratios += _in_hands(case.device, posed.demands, gains, coupling, also)
     ratios += [margin_on_band(case, gains, coupling).ratio for case in cases if problem.passive]
     least = min((ratio / safe for ratio in ratios if not isnan(ratio)), default=inf)
+    if stability.damping_ratio is not None and least >= 1:
+        least = min(least, *(_damped(case, coupling, also) for case in held))
     if least < 1 or not problem.device.kind.own_loop:
         return least if least < 1 or _calm(posed, gains, coupling) else 0.0
     least = min(
@@ -60,14 +65,31 @@ def _calm(posed: Posed, gains: Gains, coupling: AnyCoupling) -> bool:
     return kicked is not None and not kicked.moving
 
 
+def _damped(problem: Problem, coupling: AnyCoupling, also: Sequence[Hand]) -> float:
+    """Return the number by which a coupling may be divided until an oscillation misses the demanded damping ratio; of a
+    wall inf or 0."""
+    assert problem.hands_met is not None and problem.stability.damping_ratio is not None
+    hands, ratio = _hands(problem.hands_met, also), problem.stability.damping_ratio * (1 + SLACK)
+    if isinstance(coupling, SpringDamper):
+        return inf if WallOnCurve.of(problem.device, hands, ratio, NO_ANGLES).bears(coupling) else 0.0
+    on_curve = ServoOnCurve.of(problem.device, hands, least_damped_worlds(problem.worlds), ratio, NO_ANGLES)
+    least = on_curve.least(series_coupling(coupling))
+    return 1 / least if least > 0 else inf
+
+
+def _hands(box: Hands, also: Sequence[Hand]) -> list[Hand]:
+    """Return the hands at the vertices of a box, its middle, and those other hands that are in it."""
+    ends = box.ranges
+    within = [hand for hand in also if all(low <= hand.numbers[key] <= high for key, (low, high) in ends.items())]
+    return [*box.corners, box.middle, *within]
+
+
 def _in_hands(
     device: Device, demands: Demands, gains: Gains, coupling: AnyCoupling, also: Sequence[Hand]
 ) -> Iterator[float]:
     """Yield the least ratio of each claim in hands on one device."""
     if demands.hands is not None:
-        ends = demands.hands.ranges
-        within = [hand for hand in also if all(low <= hand.numbers[key] <= high for key, (low, high) in ends.items())]
-        hands = [*demands.hands.corners, demands.hands.middle, *within]
+        hands = _hands(demands.hands, also)
         if demands.rigid:
             assert isinstance(coupling, SpringDamper)
             yield float(LoopsBeforeWall.of(device, hands, ANGLES).limits(coupling)[0].min())
