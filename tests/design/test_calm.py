@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from itertools import product
+from math import inf
 
 import numpy as np
 import pytest
@@ -85,6 +86,22 @@ def test_a_ratio_that_is_missed_names_its_hand(tmp_path):
     assert hand and own_ratio(1.4369202, 67.421015, tuple(map(float, hand.groups()))) < 0.1
     drag = float(re.search(r"coupling.drag = (\S+) instead", done.stdout)[1])
     assert least_own_ratio(1.4369202, drag) >= 0.1 > least_own_ratio(1.4369202, 67.421015 + 0.9 * (drag - 67.421015))
+
+
+LIGHT = (
+    ARM.replace("0.024, bandwidth_hz = 14.0, order = 2", '0.016, bandwidth_hz = 12.0, command = "position"')
+    .replace("[tool]\nmass = 1.5\n", "")
+)  # fmt: skip
+
+
+def test_a_ratio_is_proved_next_to_the_limit_at_half_the_sampling_rate():
+    """Where real and imaginary part vanish together, the direction has to be the real one. A slightly lighter mass has
+    a pole beyond it in the hand of 0.5 kg and 30 N s/m, which no spring holds."""
+    checked = vctune.check(tomllib.loads(LIGHT), None, vctune.Coupling(inf, 0.63725548, 71.893998))
+    assert checked.result == "passed"
+    assert checked.finding.judgement.certificate.outcomes["damping_ratio"].boxes < 5000
+    lighter = vctune.check(tomllib.loads(LIGHT), None, vctune.Coupling(inf, 0.61, 71.893998))
+    assert lighter.result == "failed" and "at 250 Hz in the hand of 0.5 kg, 30 N s/m, 0 N/m: every" in lighter.message
 
 
 def test_a_wall_that_misses_its_ratio_is_told_the_least_change():

@@ -269,7 +269,11 @@ def _best_direction(each: Sequence[tuple[Any, Sequence[Any], Sequence[Any]]], n:
         total = components(fixed)
         for span in spans:
             x, (low, high) = components(span.of), ends(span)
-            total = total + np.where(x[:, :1] > 0, low, high) * x
+            reach = np.abs(x).sum(axis=1)
+            either = 2 * np.abs(x[:, 0]) <= reach  # of either sign, so that `_least` takes its modulus
+            one = np.where(x[:, 0] > 0, low, high)
+            total = total + np.where(either, 0.5 * (low + high), one)[:, None] * x
+            total[:, 0] -= np.where(either, 0.5 * (high - low) * reach, 0.0)
         room = np.minimum(room, total[:, 0] - np.abs(total[:, 1:]).sum(axis=1))
         for ray in rays:
             x = components(ray)[:, 0]
