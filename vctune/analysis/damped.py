@@ -45,6 +45,7 @@ class ServoOnCurve:
     device: Device
     w: Complexes  # 1/z, shape (n,)
     met: Complexes  # N s/m, shape (cases, n)
+    heavy: NDArray[np.bool_]  # whether a mass is behind, shape (cases,)
 
     @classmethod
     def of(
@@ -65,33 +66,33 @@ class ServoOnCurve:
             of_hands = of_hands + seen(plant.pull.plant, Hand(0.0, 0.0, float(plant.pull.stiffness)))
         s = 2 / T * (1 - w) / (1 + w)
         behind = [world.mass * s + world.damping + world.stiffness / s for world in worlds]
-        return cls(device, w, np.concatenate([of_hands + np.broadcast_to(each, w.shape) for each in behind]))
+        met = np.concatenate([of_hands + np.broadcast_to(each, w.shape) for each in behind])
+        return cls(device, w, met, np.repeat([world.mass > 0 for world in worlds], len(hands)))
 
     @np.errstate(all="ignore")
-    def least(self, coupling: Coupling) -> float:
-        """Return the least multiple of a coupling beyond which no pole is outside the curve; 0 if none is at any."""
-        return max(0.0, float(_real(self._multiples(coupling)).max(initial=0.0)))
+    def room(self, coupling: Coupling) -> tuple[Floats, Floats]:
+        """Return in each case, the hands with the first environment and then with the second, the least and the
+        greatest multiple of a coupling between which no pole is outside the curve.
 
-    @np.errstate(all="ignore")
-    def limits(self, coupling: Coupling) -> list[float]:
-        """Return `least` of each case alone: of each hand, with the first environment, then with the second."""
-        found = self._multiples(coupling)
-        return [max(0.0, float(_real(found[[k]]).max(initial=0.0))) for k in range(len(found))]
-
-    def _multiples(self, coupling: Coupling) -> Complexes:
-        """Return the numbers that, times a coupling, put a pole at each angle of the curve."""
+        A mass by the trapezoidal rule has a pole at z = -1, to which a pole goes as the coupling grows, unless the
+        coupling is such a mass itself.
+        """
         jump, decay = stepped(coupling, self.device.sample_time, self.device.rule)
-        return np.asarray(-self.met / (coupling.drag + jump * (1 - self.w) / (1 - decay * self.w)))
+        multiples = -self.met / (coupling.drag + jump * (1 - self.w) / (1 - decay * self.w))
+        last, rigid = multiples[:, -1].real, coupling.rigid and self.device.rule == "trapezoid"
+        bounded = self.heavy & (not rigid)
+        least = np.where(bounded | ~np.isfinite(last), 0.0, last)
+        least = np.maximum(least, _crossings(multiples).max(axis=1))
+        return np.maximum(least, 0.0), np.where(bounded, np.maximum(last, 0.0), inf)
 
 
-def _real(multiples: Complexes) -> Floats:
-    """Return the values at which complex numbers are real between two adjacent angles, or at the last, which is pi."""
+def _crossings(multiples: Complexes) -> Floats:
+    """Return the values at which complex numbers are real between two adjacent angles; -inf where they are not."""
     one, other = multiples[:, :-1], multiples[:, 1:]
     crosses = one.imag * other.imag < 0
     share = np.where(crosses, one.imag / np.where(crosses, one.imag - other.imag, 1.0), 0.0)
     between = one.real + share * (other.real - one.real)
-    found = np.concatenate([between[crosses], multiples[:, -1].real])
-    return np.asarray(found[np.isfinite(found)])
+    return np.where(crosses & np.isfinite(between), between, -inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,5 +125,7 @@ class WallOnCurve:
         spring = wall.damping * self.damper + wall.stiffness * self.spring
         loop = self.free + spring
         turned = np.angle(loop[:, 1:] / loop[:, :-1]).sum(axis=1) + np.angle(loop[:, 0])
-        beside = np.abs(_real(-self.free / spring) - 1).min(initial=inf)
+        multiples = -self.free / spring
+        on_curve = np.append(_crossings(multiples), multiples[:, -1].real)  # at the last angle, pi, all are real
+        beside = np.nanmin(np.abs(on_curve - 1), initial=inf)
         return bool(np.all(np.abs(turned) < pi / 2) and beside > BESIDE_WALL)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
+from itertools import product
 from math import inf
 from typing import Any
 
@@ -66,6 +67,13 @@ class Worlds:
     def nothing(self) -> bool:
         """Whether there is no mass and no spring in the box, but perhaps a damper."""
         return bool(self.high.mass == 0 == self.high.stiffness)
+
+    @property
+    def least_damped(self) -> list[World]:
+        """The environments with the least and the greatest mass and stiffness, at the least damping."""
+        low, high = self.low, self.high
+        ends = product((low.mass, high.mass), (low.stiffness, high.stiffness))
+        return list(dict.fromkeys(World(mass, low.damping, stiffness) for mass, stiffness in ends))
 
     def in_words(self, units: Units) -> str:
         """Return "every environment of ..." with units. The text omits limits that exclude nothing."""

@@ -24,7 +24,7 @@ from vctune.running import check_time
 from vctune.simulation.controller import Law
 from vctune.simulation.scene import Scene
 from vctune.simulation.together import held_by, matrices_of
-from vctune.simulation.worlds import RIGID, laws, least_damped_worlds
+from vctune.simulation.worlds import NOTHING, RIGID, laws
 
 # Masses, dampings and stiffnesses of hands on the grid (a soft spring alone is slow: they lie close), decades below the
 # end of a range that begins at 0, local minima that are refined, and halvings of the distance from them
@@ -73,7 +73,8 @@ def least_damped_hand(design: Design, demands: Demands, devices: Sequence[Device
     """Yield the hand in which a design seems to be damped less than is demanded, for `vctune.proof.certificate`."""
     assert demands.hands is not None and demands.damping_ratio is not None
     bare = {device.undisturbed.bare: device for device in devices}
-    worlds = (RIGID,) if demands.rigid else tuple(least_damped_worlds(demands.worlds))
+    worlds = (NOTHING,) if demands.worlds is None else tuple(demands.worlds.least_damped)
+    worlds = (RIGID,) if demands.rigid else worlds
     found = ringing(tuple(bare), demands.hands, design.gains, design.coupling, worlds)
     if found is not None and found.damping_ratio < demands.damping_ratio:
         theta = found.frequency * found.device.sample_time

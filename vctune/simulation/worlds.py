@@ -31,15 +31,6 @@ def worlds_of(worlds: Worlds | None, *, rigid: bool) -> list[World]:
     return list(dict.fromkeys(RIGID if inf in end else World(*end) for end in ends))
 
 
-def least_damped_worlds(worlds: Worlds | None) -> list[World]:
-    """Return the corners of a box of environments at its least damping; nothing without a box."""
-    if worlds is None:
-        return [NOTHING]
-    low, high = worlds.low, worlds.high
-    ends = product((low.mass, high.mass), (low.stiffness, high.stiffness))
-    return list(dict.fromkeys(World(mass, low.damping, stiffness) for mass, stiffness in ends))
-
-
 def laws(device: Device, gains: Gains, coupling: AnyCoupling, worlds: Sequence[World]) -> Iterator[tuple[World, Law]]:
     """Yield each environment with the firmware before it.
 

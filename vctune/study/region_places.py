@@ -22,7 +22,6 @@ from vctune.model.hands import Hand, PlacesInHands
 from vctune.model.problem import Problem
 from vctune.model.worlds import PlacesInWorlds, World
 from vctune.proof.boxes import Cells
-from vctune.proof.claims.damping import corners_met
 from vctune.proof.enclosures.intervals import Flags
 
 TRIED = 4  # Number of hands in which a cell may fail throughout
@@ -115,12 +114,15 @@ def limits_on_curve(problem: Problem) -> Limits:
             return [Hard(0.0 if b else 2.0, 0.0, hand) for b, hand in zip(bears, hands, strict=True)]
 
         return Limits(lru_cache(maxsize=4096)(of_wall), lambda *_: NOTHING)
-    cases = list(product(corners_met(problem.demands), hands))
-    servo = ServoOnCurve.of(problem.device, hands, corners_met(problem.demands), ratio, none)
+    assert problem.worlds is not None
+    ends = problem.worlds.least_damped
+    cases, servo = list(product(ends, hands)), ServoOnCurve.of(problem.device, hands, ends, ratio, none)
 
     def of_servo(_: Gains, coupling: AnyCoupling) -> list[Hard]:
         assert isinstance(coupling, Coupling)
-        each = zip(servo.limits(coupling), cases, strict=True)
+        least, most = servo.room(coupling)
+        with np.errstate(divide="ignore"):
+            each = zip(np.maximum(least, 1 / most).tolist(), cases, strict=True)
         return [Hard(multiple, 0.0, hand) for multiple, (_, hand) in each]
 
     return Limits(lru_cache(maxsize=4096)(of_servo), lambda _gains, _coupling, number, _hard: cases[number][0])

@@ -22,7 +22,6 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
-from vctune.simulation.worlds import least_damped_worlds
 
 MOST_DEVICES = 16  # Greatest number of devices of a box on which a design is estimated
 NO_ANGLES = np.array([])
@@ -72,9 +71,10 @@ def _damped(problem: Problem, coupling: AnyCoupling, also: Sequence[Hand]) -> fl
     hands, ratio = _hands(problem.hands_met, also), problem.stability.damping_ratio * (1 + SLACK)
     if isinstance(coupling, SpringDamper):
         return inf if WallOnCurve.of(problem.device, hands, ratio, NO_ANGLES).bears(coupling) else 0.0
-    on_curve = ServoOnCurve.of(problem.device, hands, least_damped_worlds(problem.worlds), ratio, NO_ANGLES)
-    least = on_curve.least(series_coupling(coupling))
-    return 1 / least if least > 0 else inf
+    assert problem.worlds is not None
+    on_curve = ServoOnCurve.of(problem.device, hands, problem.worlds.least_damped, ratio, NO_ANGLES)
+    least, most = (each.tolist() for each in on_curve.room(series_coupling(coupling)))
+    return min(1 / max(least) if max(least) > 0 else inf, *most)
 
 
 def _hands(box: Hands, also: Sequence[Hand]) -> list[Hand]:

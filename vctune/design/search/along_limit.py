@@ -31,7 +31,6 @@ from vctune.model.loop.loop import LoopResponse
 from vctune.model.problem import Problem, Range
 from vctune.model.worlds import EVERY_WORLD
 from vctune.running import check_time
-from vctune.simulation.worlds import least_damped_worlds
 
 MOST_DEVICES = 16  # of a box, at first
 # Of the grid: gains as shares of the greatest K_v, number of corners K_p/K_v, and the shapes: m_c/b_c, or
@@ -77,9 +76,13 @@ class _Loops(NamedTuple):
     on_band: Sequence[tuple[Floats, LoopResponse]]
     damped: Sequence[ServoOnCurve] = ()  # on the curve of a damping ratio that is demanded
 
-    def least_damped(self, coupling: AnyCoupling) -> float:
-        """Return the least multiple from which on the coupling has the damping ratio; 0 if none is demanded."""
-        return max((of.least(series_coupling(coupling)) for of in self.damped), default=0.0)
+    def damped_between(self, coupling: AnyCoupling) -> tuple[float, float]:
+        """Return the multiples between which the coupling has the damping ratio; 0 and inf if none is demanded."""
+        rooms = [of.room(series_coupling(coupling)) for of in self.damped]
+        return (
+            max((float(least.max()) for least, _ in rooms), default=0.0),
+            min((float(most.min()) for _, most in rooms), default=inf),
+        )
 
     def ratio(self, coupling: AnyCoupling) -> float:
         """Return the number by which a coupling may be divided before something fails, the damping ratio aside."""
@@ -151,10 +154,8 @@ class _Limit:
             if demands.hands is not None:
                 in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
             if ratio is not None:
-                ends = least_damped_worlds(problem.worlds)
-                damped.append(
-                    ServoOnCurve.of(device, seen.hands, ends, ratio * (1 + RATIO_RESERVE + seen.reserve), seen.angles)
-                )
+                asked, ends = ratio * (1 + RATIO_RESERVE + seen.reserve), worlds.least_damped
+                damped.append(ServoOnCurve.of(device, seen.hands, ends, asked, seen.angles))
             if demands.alone:
                 omega = demand_grid(device, *self.posed.span)
                 on_band.append((omega, response(device, gains, omega)))
@@ -172,15 +173,19 @@ class _Limit:
             return None
 
         def enough(found: Point) -> float:
-            coupling, damped = design_of(found)[1], loops.least_damped(design_of(found)[1])
-            return min(loops.ratio(coupling) / self.needed, 1 / damped if damped > 0 else inf)
+            coupling = design_of(found)[1]
+            least, most = loops.damped_between(coupling)
+            return min(loops.ratio(coupling) / self.needed, 1 / least if least > 0 else inf, most)
 
         if free and all(k in free or value in (0.0, inf) for k, value in enumerate(values[GAINS:], GAINS)):
             problem = self.posed.problem
             softest = problem.transparency.reference_impedance * SOFTEST
             softest /= max(b_0, min(b_c, m_c / problem.device.sample_time))
             coupling = design_of(values)[1]
-            least = max(loops.least_stable(coupling, self.needed) * self.needed, loops.least_damped(coupling))
+            damped, most = loops.damped_between(coupling)
+            least = max(loops.least_stable(coupling, self.needed) * self.needed, damped)
+            if max(least, softest) > most:
+                return None
             found, known = _times(values, free, max(least, softest)), least >= softest
         else:
             found, known = _halved(values, free, enough), False

@@ -190,7 +190,7 @@ def _prove(question: Question, _known: Outcomes) -> Outcome:
     assert hands is not None
     if not _filters_are_inside(design.device, demands):
         return Outcome(Verdict.UNDECIDED, 0)
-    ends = corners_met(demands)
+    ends = worlds.least_damped
     for device, hand, (theta, _) in question.ringing(design, demands, devices_of(question)):
         for world in ends:
             if poles_outside(replace(design, device=device), demands, hand, world)[0] > 0:
@@ -246,14 +246,6 @@ def _of_each_part(device: Device, rows: Ends, uncertain: Sequence[str]) -> Itera
 
 def _away(hands: Hands, worlds: Worlds, case: Case, along: Number) -> AtRest:
     return AtRest(_spanned(characteristic, hands, worlds, case, along), ())
-
-
-def corners_met(demands: Demands) -> list[World]:
-    """Return the environments with the least and the greatest mass and stiffness that a claim is about, and the least
-    damping."""
-    low, high = (worlds := _met(demands)).low, worlds.high
-    ends = product((low.mass, high.mass), (low.stiffness, high.stiffness))
-    return list(dict.fromkeys(World(mass, low.damping, stiffness) for mass, stiffness in ends))
 
 
 def _filters_are_inside(device: Device, demands: Demands) -> bool:
