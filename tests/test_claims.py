@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from conftest import DRAWS, WHOLE, mostly_slow
 from draws import Tables, in_units
-from kinds import KINDS, Drawn, Witness, walled
+from kinds import KINDS, LONG, Drawn, Witness, walled
 from loop import Loop
 from sentences import NEAR, SENTENCES, Sentence
 from walls import condition, grows, random_wall, speeds, with_share
@@ -30,12 +30,10 @@ from vctune.proof.outcome import worst_verdict
 from vctune.running import time_limit
 
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
-MANY = max(DRAWS, 4)
+MANY = max(DRAWS, 2)
 """Problems of each kind in a slow run."""
 OFTEN = ("passive", "hands", "any hand")
 """Kinds that are tried each time."""
-LONG = ("limp hands", "uncertain hands", "uncertain display", "worlds")
-"""Kinds whose proofs take seconds, and next to their limit minutes."""
 
 
 @cache
@@ -146,15 +144,15 @@ def test_no_sentence_is_wrong(kind, capsys, monkeypatch):
         sys.stdout.write(f"\n{kind}: {dict(sorted(counts.items()))}, {took:.1f} s")
     assert not wrong, "\n".join(wrong)
     open_outside = 0 if at_limit(kind, 0).on_edge else counts["outside undecided"]
-    assert counts["inside undecided"] + open_outside <= (1 - LEAST_DECIDED) * 2 * MANY, counts
+    assert counts["inside undecided"] + open_outside <= max(1, (1 - LEAST_DECIDED) * 2 * MANY), counts
 
 
-UNITS = [(32.0, 0.125), (2.0**40, 2.0**-40), (2.0**-40, 2.0**40), (2.0**-40, 2.0**-40)]
+UNITS = [(2.0**40, 2.0**-40), (2.0**-40, 2.0**-40), (32.0, 0.125), (2.0**-40, 2.0**40)][: 4 if DRAWS >= WHOLE else 2]
 """Units of mass and time; a unit of length is in no number of a linear device."""
 
 
 @pytest.mark.parametrize("kind", mostly_slow(KINDS, OFTEN))
-@pytest.mark.parametrize("units", mostly_slow(UNITS, UNITS[1:2]))
+@pytest.mark.parametrize("units", mostly_slow(UNITS, UNITS[:1]))
 def test_units_change_nothing(kind, units):
     """But whether a proof ends within its boxes, of which other numbers take a few more or less."""
     for number in range(1 if kind not in LONG else MANY // 4):

@@ -104,16 +104,16 @@ def bounds(velocity="1.0, 1000.0", position="3e3, 1e5", damping="1e-3, 1e5", mas
 LATE = "[device.force_sensor]\ndelay = 20e-3\n"
 INFEASIBLE_IN_HANDS = {
     "no drag": (wheel(bounds(drag="0.0")), {"coupling.drag", "operator.stiffness.min"}),
+    "late force sensor": (
+        wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
+        {"device.force_sensor.delay", "gains.position.min"},
+    ),
     "no drag, both criteria": (wheel(bounds(drag="0.0"), criterion="both"), {"operator.damping.min"}),
     "K_v too great": (wheel(bounds(velocity="1200.0, 2000.0")), {"gains.velocity.min", "device.sample_time"}),
     "K_v too small": (
         wheel(bounds(velocity="1.0, 20.0", position="2e4, 1e5")), {"gains.velocity.max", "stability.max_sensitivity"}
     ),
     "|S| too small": (wheel(bounds(velocity="300.0, 1000.0"), sensitivity=1.05), {"stability.max_sensitivity"}),
-    "late force sensor": (
-        wheel(bounds(damping="1e-3, 60.0", drag="0.0, 5.0"), device=LATE),
-        {"device.force_sensor.delay", "gains.position.min"},
-    ),
 }  # fmt: skip
 """Causes of all kinds, and values whose change repairs each."""
 IN_HANDS = {

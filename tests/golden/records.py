@@ -30,6 +30,7 @@ from vctune.report.identification import identification_files
 from vctune.report.page import report_files
 from vctune.report.region_figure import region_figure
 from vctune.report.sweep_figure import sweep_figure
+from vctune.running import time_limit
 
 PROBLEMS = ROOT / "problems"
 DIGITS = 7
@@ -106,7 +107,8 @@ def of_problem(name: str) -> Any:
 def of_text(text: str) -> Any:
     """Return what the design of a problem says, or a check of the design that it states."""
     file = ProblemFile(parse_problem(text, "x", "x"), text)
-    return told(design_record(file, with_prices(vctune.solve(file.problem))))
+    with time_limit(300.0):  # without one some searches end by the clock
+        return told(design_record(file, with_prices(vctune.solve(file.problem))))
 
 
 def of_bound(name: str, gap: float) -> Any:

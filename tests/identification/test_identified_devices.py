@@ -70,8 +70,8 @@ def designed_for_the_box(seed, folder) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", FEW)
-def test_a_simulated_device_is_in_its_box(seed, tmp_path):
-    found = trial(seed, tmp_path)
+def test_a_simulated_device_is_in_its_box(seed, trials):
+    found = trials[seed]
     assert found.parts
     assert found.inside, found
 

@@ -654,3 +654,5 @@ KINDS = {
     "passive, sections": lambda rng: passive(rng, "held", "sections", "felt sections", "part of a sample"),
     "passive, springs": lambda rng: passive(rng, "held", "springs", "difference"),
 }
+LONG = ("limp hands", "uncertain hands", "uncertain display", "worlds")
+"""Kinds whose proofs take seconds, and next to their limit minutes."""

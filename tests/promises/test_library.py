@@ -189,8 +189,10 @@ def test_what_the_command_finds(wheel, solved, tmp_path):
 )
 def test_reason_and_repairs_are_the_commands(text, tmp_path):
     (tmp_path / "p.toml").write_text(text)
-    commanded = json.loads(run("solve", "p.toml", "--json", cwd=tmp_path).stdout)
-    solved = vctune.solve(tomllib.loads(text))
+    commanded = json.loads(run("solve", "p.toml", "--json", "--time-limit", "300", cwd=tmp_path).stdout)
+    solved = vctune.solve(
+        tomllib.loads(text), time_limit=300.0
+    )  # of itself it ends the search for repairs by the clock
     assert solved.reason == commanded["reason"]
     assert [repair.needs for repair in solved.repairs] == [repair["needs"] for repair in commanded["repairs"]] != []
 

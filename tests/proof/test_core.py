@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import DRAWS, WHOLE
-from kinds import KINDS
+from kinds import KINDS, LONG
 
 import vctune
 from vctune.model.numbers.pair import Pair
@@ -275,7 +275,7 @@ def bisected(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if DRAWS >= WHOLE or kind not in LONG])
 def test_no_verdict_depends_on_how_boxes_are_halved(kind, monkeypatch):
     drawn = [KINDS[kind](np.random.default_rng([number, 7])) for number in ((0, 2) if DRAWS >= WHOLE else (0,))]
     posed = [vctune.problem(each.tables(side)).problem for each in drawn for side in (0.5, -0.5)]
