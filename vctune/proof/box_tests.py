@@ -232,7 +232,8 @@ def _both(one: Decided, other: Decided) -> Decided:
     return each_column(lambda columns: np.where(one.proved, *columns), [other, one])
 
 
-DIRECTIONS = np.exp(1j * np.linspace(-np.pi, np.pi, 97)[:-1])
+# Directions that are compared at first, and in each of some rounds around the best one, a step of the last to each side
+FIRST_DIRECTIONS, DIRECTIONS, NARROWED = 48, np.linspace(-1.0, 1.0, 17), 2
 
 
 def _best_direction(each: Sequence[tuple[Any, Sequence[Any], Sequence[Any]]], n: int) -> Floats:
@@ -260,23 +261,34 @@ def _best_direction(each: Sequence[tuple[Any, Sequence[Any], Sequence[Any]]], n:
 
     unit = size("re"), size("im")
 
-    def components(of: Any) -> Floats:
-        scaled = linear(of.re) / unit[0] + 1j * (linear(of.im) / unit[1])
-        return np.real(np.conj(DIRECTIONS)[:, None, None] * scaled)
+    def scaled(of: Any) -> NDArray[np.complex128]:
+        return linear(of.re) / unit[0] + 1j * (linear(of.im) / unit[1])
 
-    room = np.full((len(DIRECTIONS), n), inf)
-    for fixed, spans, rays in each:
-        total = components(fixed)
-        for span in spans:
-            x, (low, high) = components(span.of), ends(span)
-            reach = np.abs(x).sum(axis=1)
-            either = 2 * np.abs(x[:, 0]) <= reach  # of either sign, so that `_least` takes its modulus
-            one = np.where(x[:, 0] > 0, low, high)
-            total = total + np.where(either, 0.5 * (low + high), one)[:, None] * x
-            total[:, 0] -= np.where(either, 0.5 * (high - low) * reach, 0.0)
-        room = np.minimum(room, total[:, 0] - np.abs(total[:, 1:]).sum(axis=1))
-        for ray in rays:
-            x = components(ray)[:, 0]
-            room = np.minimum(room, x / np.maximum(np.abs(x).max(axis=0), 1e-300))
-    best = DIRECTIONS[np.nanargmax(np.nan_to_num(room, nan=-np.inf), axis=0)]
-    return np.stack((best.real / unit[0], best.imag / unit[1]))
+    def room(directions: NDArray[np.complex128]) -> Floats:
+        """Return a lower bound of the least component in each of some directions, shape (directions, n)."""
+
+        def components(of: Any) -> Floats:
+            return np.real(np.conj(directions)[:, None] * scaled(of))
+
+        least = np.full(directions.shape, inf)
+        for fixed, spans, rays in each:
+            total = components(fixed)
+            for span in spans:
+                x, (low, high) = components(span.of), ends(span)
+                reach = np.abs(x).sum(axis=1)
+                either = 2 * np.abs(x[:, 0]) <= reach  # of either sign, so that `_least` takes its modulus
+                one = np.where(x[:, 0] > 0, low, high)
+                total = total + np.where(either, 0.5 * (low + high), one)[:, None] * x
+                total[:, 0] -= np.where(either, 0.5 * (high - low) * reach, 0.0)
+            least = np.minimum(least, total[:, 0] - np.abs(total[:, 1:]).sum(axis=1))
+            for ray in rays:
+                least = np.minimum(least, components(ray)[:, 0] / np.maximum(np.abs(scaled(ray)[0]), 1e-300))
+        return np.nan_to_num(least, nan=-np.inf)
+
+    step, first = 2 * np.pi / FIRST_DIRECTIONS, 2 * np.pi * np.arange(FIRST_DIRECTIONS) / FIRST_DIRECTIONS
+    angles = np.broadcast_to(first[:, None], (FIRST_DIRECTIONS, n))
+    for again in range(NARROWED + 1):
+        best = np.take_along_axis(angles, np.argmax(room(np.exp(1j * angles)), axis=0)[None], axis=0)
+        if again < NARROWED:
+            angles, step = best + step * DIRECTIONS[:, None], step * (DIRECTIONS[1] - DIRECTIONS[0])
+    return np.stack((np.cos(best[0]) / unit[0], np.sin(best[0]) / unit[1]))
