@@ -14,9 +14,10 @@ import pytest
 from command import on_a_full_disk, process, run, started, strict, wait_for_work, wait_until
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 
-from vctune.cli.runner import worst
+from vctune.cli.runner import Run, worst
 from vctune.design.advice import repair as repairing
 from vctune.exit_codes import ExitCode
+from vctune.running import time_limit
 
 
 @pytest.fixture
@@ -88,6 +89,14 @@ def test_bad_usage(arguments, tmp_path):
     done = run(*arguments, cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT
     assert done.stderr and "Traceback" not in done.stderr and done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("fraction", "said"), [("1/4", "0.25 is not"), ("1/4096", "0.000244140625 is not"), ("1/0", "")]
+)
+def test_a_fraction_is_a_number(fraction, said, device, tmp_path):
+    done = run("region", device, "--resolution", fraction, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT and f"'--resolution': {said}" in done.stderr
 
 
 def test_mistakes_go_to_stderr_with_their_lines(tmp_path):
@@ -228,6 +237,12 @@ def test_no_report_leaves_no_stale_report(device, reported, tmp_path):
     assert run("solve", device, "--quiet", cwd=tmp_path).stderr == ""
     kept = ["design.json", "gains.toml", "mine.png"]
     assert sorted(path.name for path in reported.iterdir()) == kept
+
+
+def test_a_report_for_which_no_time_is_left_is_told_how_to_draw(tmp_path, capsys):
+    with time_limit(0.0):
+        assert Run("solve", "text", False).report({}, tmp_path, lambda stage: None) is False
+    assert f"no time to draw the report; `vctune report {tmp_path}/design.json` draws it" in capsys.readouterr().err
 
 
 def test_a_place_that_is_taken_is_said(device, reported, tmp_path):

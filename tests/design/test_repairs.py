@@ -406,6 +406,26 @@ def test_lag_without_delay_has_its_resistance_theorem_on_every_band():
             assert f"below {limit:.4g} N/m" in theorem.advice
 
 
+@pytest.mark.parametrize(
+    ("hand", "named", "own"), [("", "b", 2.0), ("[operator]\nmass = 0.1\ndamping = 0.5\n", "(b + b_h)", 2.5)]
+)
+def test_a_least_operator_damps_too(hand, named, own):
+    """Re D = b + b_h + K_v - tau K_p for omega -> 0, with tau = T/2."""
+    gains = "[gains]\nvelocity = { min = 1.0, max = 20.0 }\nposition = { min = 3e5, max = 1e6 }\n"
+    theorem = impossible(parsed(LAG.format(2.0) + hand + gains + "[stability]\nband_hz = [0.0, 10.0]\n"))
+    assert f"needs K_v > tau K_p - {named}, at least {5e-4 * 3e5 - own:.4g} N s/m" in theorem.cause
+
+
+@pytest.mark.parametrize(
+    ("criterion", "narrower"), [("passive", "stability.band_hz"), ("hands", "the hands of [operator]")]
+)
+def test_without_repairs_the_advice_names_what_can_be_narrowed(criterion, narrower):
+    coupling = "[coupling]\ndamping = { min = 1.0, max = 30.0 }\nmass = { min = 1e-3, max = 0.01 }\n"
+    gains = "[gains]\nvelocity = { min = 100.0, max = 200.0 }\nposition = { min = 3e3, max = 1e4 }\n"
+    problem = parsed(DEVICE + gains + coupling + f"[stability]\ncriterion = '{criterion}'\n")
+    assert solve(problem, exhaustive=False).reason.endswith(f", or narrow {narrower}")
+
+
 def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
     (tmp_path / "stuck.toml").write_text(for_passive_hands(QUICK["gains too high"]))
     done = run("solve", "stuck.toml", cwd=tmp_path, report=True)

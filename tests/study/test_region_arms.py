@@ -124,13 +124,14 @@ def test_points_of_cells_are_what_their_cells_say(name):
     for mass, drag in missed:
         law = vctune.Coupling(inf, mass, drag)
         assert vctune.judge(problem, vctune.Gains(0.0, 0.0), law).status is vctune.Status.VIOLATED, (mass, drag)
-    assert fast or found.areas["undecided"] < 0.15
+    assert found.areas["undecided"] < (0.25 if fast else 0.15)
 
 
 def test_a_damping_ratio_has_a_region():
     """Feasible points have the ratio in every hand of the set, and infeasible ones miss it in one."""
     tables = ARM | {"stability": {"damping_ratio": 0.05}}
     found, rng = vctune.region(tables, resolution=1 / 8), np.random.default_rng(3)
+    assert found.areas["undecided"] < 0.25
     for kind in (Kind.FEASIBLE, Kind.INFEASIBLE):
         some = points(found.region, kind, 4, rng)
         assert len(some) == 4
