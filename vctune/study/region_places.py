@@ -120,9 +120,7 @@ def limits_on_curve(problem: Problem) -> Limits:
 
     def of_servo(_: Gains, coupling: AnyCoupling) -> list[Hard]:
         assert isinstance(coupling, Coupling)
-        least, most = servo.room(coupling)
-        with np.errstate(divide="ignore"):
-            each = zip(np.maximum(least, 1 / most).tolist(), cases, strict=True)
+        each = zip(servo.limits(coupling), cases, strict=True)
         return [Hard(multiple, 0.0, hand) for multiple, (_, hand) in each]
 
     return Limits(lru_cache(maxsize=4096)(of_servo), lambda _gains, _coupling, number, _hard: cases[number][0])

@@ -7,10 +7,10 @@ from math import inf, isnan
 
 import numpy as np
 
-from vctune.analysis.damped import ServoOnCurve, WallOnCurve
+from vctune.analysis.damped import BoxOnCurve, WallOnCurve
 from vctune.analysis.demands import sensitivity_maxima, unmodelled_maxima
 from vctune.analysis.in_hands import least_ratio_before_wall, least_ratios_in_any_hand
-from vctune.analysis.multiples import ratio_in_these
+from vctune.analysis.multiples import angles_of, ratio_in_these
 from vctune.analysis.stability import clearly_stable
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
@@ -72,9 +72,9 @@ def _damped(problem: Problem, coupling: AnyCoupling, also: Sequence[Hand]) -> fl
     if isinstance(coupling, SpringDamper):
         return inf if WallOnCurve.of(problem.device, hands, ratio, NO_ANGLES).bears(coupling) else 0.0
     assert problem.worlds is not None
-    on_curve = ServoOnCurve.of(problem.device, hands, problem.worlds.least_damped, ratio, NO_ANGLES)
-    least, most = (each.tolist() for each in on_curve.room(series_coupling(coupling)))
-    return min(1 / max(least) if max(least) > 0 else inf, *most)
+    on_curve = BoxOnCurve.of(problem.device, problem.hands_met, problem.worlds, ratio, angles_of(problem.device))
+    least, most = on_curve.room(series_coupling(coupling))
+    return min(1 / least if least > 0 else inf, most)
 
 
 def _hands(box: Hands, also: Sequence[Hand]) -> list[Hand]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vctune.analysis.damped import ServoOnCurve
+from vctune.analysis.damped import BoxOnCurve
 from vctune.analysis.demands import demand_grid, response, sensitivity_maxima
 from vctune.analysis.extrema import Floats
 from vctune.analysis.multiples import LoopsInWorlds, angles_of
@@ -74,15 +74,12 @@ class _Loops(NamedTuple):
     in_worlds: Sequence[LoopsInWorlds]
     # rad/s and response, for any passive hand with nothing behind the coupling
     on_band: Sequence[tuple[Floats, LoopResponse]]
-    damped: Sequence[ServoOnCurve] = ()  # on the curve of a damping ratio that is demanded
+    damped: Sequence[BoxOnCurve] = ()  # on the curve of a damping ratio that is demanded
 
     def damped_between(self, coupling: AnyCoupling) -> tuple[float, float]:
         """Return the multiples between which the coupling has the damping ratio; 0 and inf if none is demanded."""
         rooms = [of.room(series_coupling(coupling)) for of in self.damped]
-        return (
-            max((float(least.max()) for least, _ in rooms), default=0.0),
-            min((float(most.min()) for _, most in rooms), default=inf),
-        )
+        return max((least for least, _ in rooms), default=0.0), min((most for _, most in rooms), default=inf)
 
     def ratio(self, coupling: AnyCoupling) -> float:
         """Return the number by which a coupling may be divided before something fails, the damping ratio aside."""
@@ -148,14 +145,14 @@ class _Limit:
             return None
         worlds = problem.worlds or EVERY_WORLD
         in_worlds, on_band = list[LoopsInWorlds](), list[tuple[Floats, LoopResponse]]()
-        ratio, damped = problem.stability.damping_ratio, list[ServoOnCurve]()
+        ratio, damped = problem.stability.damping_ratio, list[BoxOnCurve]()
         for device in seen.devices:
             angles = np.union1d(angles_of(device)[:: FEW if self.coarse else 1], seen.angles)
             if demands.hands is not None:
                 in_worlds.append(LoopsInWorlds.of(device, gains, seen.hands, worlds, angles))
             if ratio is not None:
-                asked, ends = ratio * (1 + RATIO_RESERVE + seen.reserve), worlds.least_damped
-                damped.append(ServoOnCurve.of(device, seen.hands, ends, asked, seen.angles))
+                asked = ratio * (1 + RATIO_RESERVE + seen.reserve)
+                damped.append(BoxOnCurve.of(device, problem.hands, worlds, asked, angles))
             if demands.alone:
                 omega = demand_grid(device, *self.posed.span)
                 on_band.append((omega, response(device, gains, omega)))
