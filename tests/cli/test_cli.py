@@ -92,7 +92,8 @@ def test_bad_usage(arguments, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("fraction", "said"), [("1/4", "0.25 is not"), ("1/4096", "0.000244140625 is not"), ("1/0", "")]
+    ("fraction", "said"),
+    [("1/4", "0.25 is not"), ("1/4096", "0.000244140625 is not"), ("1/0", "'1/0' is not a valid number or fraction")],
 )
 def test_a_fraction_is_a_number(fraction, said, device, tmp_path):
     done = run("region", device, "--resolution", fraction, cwd=tmp_path)

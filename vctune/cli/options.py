@@ -22,6 +22,8 @@ PATH: Any = click.Path(path_type=Path)
 class Share(click.FloatRange):
     """A number of a range, also as a fraction such as 1/16."""
 
+    name = "number or fraction such as 1/16"
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number."""
         over, slash, under = str(value).partition("/")

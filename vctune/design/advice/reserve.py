@@ -24,7 +24,6 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
 
 MOST_DEVICES = 16  # Greatest number of devices of a box on which a design is estimated
-NO_ANGLES = np.array([])
 SLACK = 1e-5  # Share by which more than the safety factor is asked for, so that the proof succeeds
 
 
@@ -68,9 +67,10 @@ def _damped(problem: Problem, coupling: AnyCoupling, also: Sequence[Hand]) -> fl
     """Return the number by which a coupling may be divided until an oscillation misses the demanded damping ratio; of a
     wall inf or 0."""
     assert problem.hands_met is not None and problem.stability.damping_ratio is not None
-    hands, ratio = _hands(problem.hands_met, also), problem.stability.damping_ratio * (1 + SLACK)
+    ratio = problem.stability.damping_ratio * (1 + SLACK)
     if isinstance(coupling, SpringDamper):
-        return inf if WallOnCurve.of(problem.device, hands, ratio, NO_ANGLES).bears(coupling) else 0.0
+        loops = WallOnCurve.of(problem.device, _hands(problem.hands_met, also), ratio, np.empty(0))
+        return inf if loops.bears(coupling) else 0.0
     assert problem.worlds is not None
     on_curve = BoxOnCurve.of(problem.device, problem.hands_met, problem.worlds, ratio, angles_of(problem.device))
     least, most = on_curve.room(series_coupling(coupling))
