@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from itertools import product
-from math import ceil, exp, inf, log
+from math import exp, inf, log
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_up_to
 from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
 from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
-from vctune.design.judging.kicked import buzz_of, ringing_of
+from vctune.design.judging.kicked import buzz_of, hands_at_rest, ringing_of
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
@@ -26,8 +25,9 @@ from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.rest import greatest_at_rest, read_in_steps, settles, step_of_damper
+from vctune.model.rest import greatest_at_rest, read_in_steps, step_of_damper
 from vctune.running import boxes_at_most, check_time
+from vctune.simulation.kicks import calm
 
 PER_DECADE = 480  # angles for any passive hand
 # First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
@@ -38,14 +38,14 @@ NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
-# Of calm walls: dampings that are compared, over the lesser of what the friction holds and that of the stiffest wall;
-# least stiffness, over the greatest that rests or is stable; ratios of the stiffnesses that are tried from there
-# downwards, where some wall comes to rest for sure and where none does; dampings over that of the stiffest that does;
-# and how many times as many kicks it must bear
-SHARES, SOFTEST, MORE = np.geomspace(0.01, 1.5, 48), 0.02, 16
-STEP, WIDE_STEP, DAMPED, FEW = 0.87, 0.7, (1.0, 1.3, 1.7), 4
-BETWEEN = (2 / 3, 1 / 3)  # shares of a step by which a wall is then tried stiffer
-ROUNDED = 1 + 1e-9  # over a stiffness that was found by halving its logarithm
+# Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio of
+# its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
+# neighbours, and number of finer grids; walls that are kicked together; how many times as many kicks a wall bears alone
+SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
+DOWN, SOFTEST = 0.7, 2e-3
+PARTS, FINER = 4, 2
+TOGETHER, MORE = 24, 16
+ROUNDED = 1e-9  # Share within which two stiffnesses are one
 
 Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
 
@@ -152,9 +152,12 @@ def _stiffest(posed: Posed, devices: Sequence[Bears]) -> SpringDamper | None:
 
 
 def _damper_held(device: Device) -> float:
-    """Return the damping, N s/m, whose answer to one step of the reading is as great as the friction both ways."""
+    """Return the damping, N s/m, whose answer to one step of the reading is as great as the friction both ways; inf if
+    step or friction is not known."""
+    if read_in_steps(device) is None or device.friction is None:
+        return inf
     step = step_of_damper(device, NO_LOOP, SpringDamper(1.0, 0.0))
-    return 2 * (device.friction or 0.0) / step if step > 0 else inf
+    return 2 * device.friction / step if step > 0 else inf
 
 
 def _rounded(posed: Posed, wall: SpringDamper) -> SpringDamper:
@@ -164,53 +167,71 @@ def _rounded(posed: Posed, wall: SpringDamper) -> SpringDamper:
 
 
 def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> SpringDamper | None:
-    """Return about the stiffest wall that no kick keeps moving; None if none of those that were tried is calm.
+    """Return about the stiffest wall that no kick keeps moving; None if no wall of a grid is calm (model/README.md,
+    section 20).
 
-    The walls that are tried become softer from the stiffest that may rest, down to the stiffest that comes to rest for
-    sure (model/README.md, section 20).
+    The grid has, for each damping b, stiffnesses from the lesser of 2 f/q and the greatest that is stable with b
+    downwards. Around the stiffest wall that is calm it becomes finer.
     """
-    problem, stiffness = posed.problem, cache(_stiffness_at(posed, devices))
-    dampings, springs = problem.bounds.damping, problem.bounds.stiffness
-    most = min(stiffest.stiffness, greatest_at_rest(problem.device) or inf)
-    least = max(springs.min, SOFTEST * most)
+    bounds = posed.problem.bounds
+    stable = cache(_stiffness_at(posed, devices))
+    most = max(min(stiffest.stiffness, greatest_at_rest(posed.problem.device) or inf), bounds.stiffness.min)
+    least = max(bounds.stiffness.min, SOFTEST * most)
+    scale = min(_damper_held(posed.problem.device), stiffest.damping)
+    dampings = np.unique(np.clip(scale * SHARES, bounds.damping.min, bounds.damping.max)).tolist()
+    walls = [
+        SpringDamper(damping, stiffness)
+        for damping in dampings
+        for stiffness in _down(min(stable(damping), most), least, DOWN)
+    ]
+    best = _stiffest_calm(posed, walls)
+    ratio = DOWN
+    for _ in range(FINER):
+        if best is None:
+            return None
+        dampings = _finer(dampings, best.damping)
+        ratio **= 1 / PARTS
+        walls = [
+            SpringDamper(damping, stiffness)
+            for damping in dampings
+            for stiffness in _down(
+                min(stable(damping), best.stiffness * ratio ** (1 - 2 * PARTS), most), best.stiffness, ratio
+            )
+            if stiffness > best.stiffness
+        ]
+        best = _stiffest_calm(posed, walls) or best
+    return best
 
-    def calm(wall: SpringDamper) -> bool:
-        rings = ringing_of(posed, problem.device, NO_LOOP, wall)
-        kicks = (buzz_of(problem, rings, NO_LOOP, wall, more) for more in (1, MORE))
-        return all(of is None or of.moving == 0 for of in kicks)
 
-    def settled(damping: float) -> float:
-        def comes_to_rest(log_stiffness: float) -> bool:
-            wall = SpringDamper(damping, exp(log_stiffness))
-            return all(settles(Design(case.device, NO_LOOP, wall)) for case in posed.cases)
-
-        high = min(stiffness(damping), most)
-        if high * ROUNDED < least or not comes_to_rest(log(least)):
-            return 0.0
-        return high if comes_to_rest(log(high)) else exp(last_to_hold(comes_to_rest, log(least), log(high), HALVINGS))
-
-    known = problem.device.friction is not None and read_in_steps(problem.device) is not None
-    held = _damper_held(problem.device) if known else inf
-    tried = np.unique(np.clip(min(held, stiffest.damping) * SHARES, dampings.min, dampings.max)).tolist()
-    found = max((settled(damping), damping) for damping in tried) if known else (0.0, 0.0)
-    if found[0] > 0:
-        springs_tried = _down(most, max(found[0] * (1 - RESERVE), least), STEP)
-        tried = np.unique(np.clip(found[1] * np.array(DAMPED), dampings.min, dampings.max)).tolist()
-    else:  # what rests is not known: the softer and the less damped a wall, the less it buzzes
-        springs_tried, tried = _down(most, least, WIDE_STEP), tried[:: ceil(len(tried) / FEW)]
-
-    def calm_wall(spring: float, damping: float) -> SpringDamper | None:
-        wall = _rounded(posed, SpringDamper(damping, spring))
-        return wall if spring <= stiffness(damping) * ROUNDED and calm(wall) else None
-
-    for spring, damping in product(springs_tried, tried):
-        if (wall := calm_wall(spring, damping)) is not None:
-            stiffer = (calm_wall(min(spring / STEP**share, most), damping) for share in BETWEEN if spring < most)
-            return next((each for each in stiffer if each is not None), wall)
+def _stiffest_calm(posed: Posed, walls: Sequence[SpringDamper]) -> SpringDamper | None:
+    """Return the stiffest of several walls that are calm, as those tell that are kicked together and then alone."""
+    device, hands = posed.problem.device.undisturbed.bare, hands_at_rest(posed.problem)
+    candidates = [_rounded(posed, wall) for wall in sorted(walls, key=lambda wall: -wall.stiffness)]
+    for first in range(0, len(candidates), TOGETHER):
+        batch = candidates[first : first + TOGETHER]
+        for k in np.flatnonzero(calm(device, hands, batch)):
+            if calm(device, hands, [batch[k]], MORE).all() and _is_calm(posed, batch[k]):
+                return batch[k]
     return None
 
 
+def _is_calm(posed: Posed, wall: SpringDamper) -> bool:
+    """Return whether no kick keeps a wall moving on the device that rings most, nor one of `MORE` times as many."""
+    rings = ringing_of(posed, posed.problem.device, NO_LOOP, wall)
+    kicks = (buzz_of(posed.problem, rings, NO_LOOP, wall, more) for more in (1, MORE))
+    return all(buzz is None or buzz.moving == 0 for buzz in kicks)
+
+
 def _down(most: float, least: float, ratio: float) -> list[float]:
-    """Return numbers from the greatest to the least, each a share of the one before."""
-    steps = max(0, ceil(log(least / most) / log(ratio)))
-    return [*(most * ratio**n for n in range(steps)), least]
+    """Return numbers from the greatest down to the least, each a share of the one before; none if the least is more."""
+    if most < least * (1 - ROUNDED):
+        return []
+    return [most * ratio**step for step in range(1 + int(log(least / most) / log(ratio) + ROUNDED))]
+
+
+def _finer(values: list[float], value: float) -> list[float]:
+    """Return the values from one neighbour of a value to the other, with the distances divided into `PARTS`."""
+    k = int(np.argmin(np.abs(np.array(values) - value)))
+    beside = values[max(k - 1, 0) : k + 2]
+    places = np.linspace(0, len(beside) - 1, PARTS * (len(beside) - 1) + 1)
+    return np.interp(places, range(len(beside)), beside).tolist()
