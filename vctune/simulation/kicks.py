@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
 FALLS = 1e-3  # Share of its size by which a motion that dies away falls from one third of a run to the next, at least
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
+FURTHER = 3.0  # Times as long a motion is watched that falls, within these limits
+CYCLES = 3  # Periods of the softest of several walls for which each is watched at once
 ROUNDING = 1e-9  # Share of its place within which a handle is at rest
 LEAST = 1e-300  # What stands for a divisor of 0 whose quotient does not count
 NO_GAINS = Gains(0.0, 0.0)  # of an impedance display that injects no damping
@@ -97,13 +99,15 @@ def buzz(
     if not any(steps):
         return None
     seconds = min(max(CONSTANTS * time_constant, SHORTEST), LONGEST)
+    window = max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3))
+    longest = min(FURTHER * seconds, LONGEST)
     kicked = _hands_kicked(hands, more)
     buzzes = list[Buzz]()
     for world, law in laws(device, gains, coupling, worlds):
         firm = world.stiffness > 0 and stiffness_read(gains, coupling) > 0  # else a constant force moves it on
         damping, stiffness = damping_acting(gains, coupling), stiffness_read(gains, coupling)
         kicks = _kicks(device, kicked, np.array(damping), np.array(stiffness), PUSHES if firm else 0.0)
-        going = _struck(together(_scene(device, law), kicked), kicks, seconds)
+        going = _struck(together(_scene(device, law), kicked), kicks, window, seconds, longest)
         buzzes.append(_worst(going, kicked, world))
     worst = max(buzzes, key=lambda buzz: (buzz.moving > 0, buzz.amplitude))
     return replace(worst, kicks=sum(one.kicks for one in buzzes), moving=sum(one.moving for one in buzzes))
@@ -112,7 +116,7 @@ def buzz(
 def calm(device: Device, hands: Hands, walls: Sequence[SpringDamper], more: int = 1) -> NDArray[np.bool_]:
     """Return which of several walls of an impedance display no kick of those of `buzz` keeps moving.
 
-    The kicks of all walls are stepped in the same arrays, for the least time: what still dies away then is calm.
+    The kicks of all walls are stepped in the same arrays, for a few periods of the softest: what falls then is calm.
     """
     kicked = _hands_kicked(hands, more)
     [(_, law)] = laws(device, NO_GAINS, walls[0], (RIGID,))
@@ -122,7 +126,9 @@ def calm(device: Device, hands: Hands, walls: Sequence[SpringDamper], more: int 
     controller, state = handles.firmware
     handles = replace(handles, firmware=(with_walls(controller, stiffness, damping), state))
     kicks = _kicks(device, kicked, damping, stiffness, PUSHES)
-    going = _struck(handles, kicks, SHORTEST, SHORTEST)
+    slowest = 2 * pi * sqrt((device.mass + hands.high.mass) / stiffness.min())  # period of the softest wall, s
+    window = min(CYCLES * slowest, WATCHED)
+    going = _struck(handles, kicks, window, 3 * window, 3 * window)
     moving = np.bincount(going.lanes // len(kicked), minlength=len(walls))
     return np.asarray(moving == 0)
 
@@ -189,10 +195,10 @@ def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Fl
     )
 
 
-def _struck(handles: Together, kicks: Kicks, seconds: float, longest: float = LONGEST) -> Going:
+def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, longest: float) -> Going:
     """Strike every lane once, and return those that go on moving.
 
-    A lane is watched for one time after the other until it rests. After `seconds`, it goes on moving unless it falls:
+    A lane is watched for one window after the other, s, until it rests. After `seconds`, it goes on moving unless it falls:
     unless its greatest amplitude in the last third of the run is less than that in the third before. One that falls is
     watched further, for `longest` at most, and if it still falls then, it dies away. One that drifts on passes the
     steps of its reading, and does not go on moving either.
@@ -205,7 +211,7 @@ def _struck(handles: Together, kicks: Kicks, seconds: float, longest: float = LO
     now["body"][names.index(POSITION)] = kicks.begins.copy()
     for name in chain(device, FLOATS).velocities if device.servo is None else ():
         now["body"][names.index(name)] = np.broadcast_to(kicks.speed, kicks.begins.shape).copy()
-    block = max(ceil(max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3)) / T), LEAST_SAMPLES)
+    block = max(ceil(window / T), LEAST_SAMPLES)
     most = max(min(ceil(longest / T), MOST_SAMPLES), 3 * block)
     total = min(max(ceil(seconds / T), 3 * block), most)
     lanes, push = np.arange(kicks.begins.size), kicks.push

@@ -40,11 +40,11 @@ GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, 
 
 # Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio of
 # its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
-# neighbours, and number of finer grids; walls that are kicked together; how many times as many kicks a wall bears alone
+# neighbours; walls that are kicked together; and how many times as many kicks a wall bears
 SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
 DOWN, SOFTEST = 0.7, 2e-3
-PARTS, FINER = 4, 2
-TOGETHER, MORE = 24, 16
+PARTS = 6
+TOGETHER, MORE = 64, 16
 ROUNDED = 1e-9  # Share within which two stiffnesses are one
 
 Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
@@ -185,41 +185,42 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
         for stiffness in _down(min(stable(damping), most), least, DOWN)
     ]
     best = _stiffest_calm(posed, walls)
-    ratio = DOWN
-    for _ in range(FINER):
-        if best is None:
-            return None
-        dampings = _finer(dampings, best.damping)
-        ratio **= 1 / PARTS
-        walls = [
-            SpringDamper(damping, stiffness)
-            for damping in dampings
-            for stiffness in _down(
-                min(stable(damping), best.stiffness * ratio ** (1 - 2 * PARTS), most), best.stiffness, ratio
-            )
-            if stiffness > best.stiffness
-        ]
-        best = _stiffest_calm(posed, walls) or best
-    return best
+    if best is None:
+        return None
+    ratio = DOWN ** (1 / PARTS)
+    stiffer = [best.stiffness / ratio**step for step in range(1, 2 * PARTS)]
+    walls = [
+        SpringDamper(damping, stiffness)
+        for damping in _finer(dampings, best.damping)
+        for stiffness in stiffer
+        if stiffness <= min(stable(damping), most)
+    ]
+    return _stiffest_calm(posed, walls) or best
 
 
 def _stiffest_calm(posed: Posed, walls: Sequence[SpringDamper]) -> SpringDamper | None:
     """Return the stiffest of several walls that are calm, as those tell that are kicked together and then alone."""
     device, hands = posed.problem.device.undisturbed.bare, hands_at_rest(posed.problem)
     candidates = [_rounded(posed, wall) for wall in sorted(walls, key=lambda wall: -wall.stiffness)]
-    for first in range(0, len(candidates), TOGETHER):
-        batch = candidates[first : first + TOGETHER]
-        for k in np.flatnonzero(calm(device, hands, batch)):
-            if calm(device, hands, [batch[k]], MORE).all() and _is_calm(posed, batch[k]):
-                return batch[k]
+    for batch in _batches(candidates, TOGETHER):
+        bearing = [wall for wall, rests in zip(batch, calm(device, hands, batch), strict=True) if rests]
+        for few in _batches(bearing, TOGETHER // MORE):
+            for k in np.flatnonzero(calm(device, hands, few, MORE)):
+                if _is_calm(posed, few[k]):
+                    return few[k]
     return None
 
 
+def _batches(walls: Sequence[SpringDamper], count: int) -> list[Sequence[SpringDamper]]:
+    """Return walls in groups of at most so many."""
+    return [walls[first : first + count] for first in range(0, len(walls), count)]
+
+
 def _is_calm(posed: Posed, wall: SpringDamper) -> bool:
-    """Return whether no kick keeps a wall moving on the device that rings most, nor one of `MORE` times as many."""
+    """Return whether none of `MORE` times as many kicks keeps a wall moving on the device that rings most."""
     rings = ringing_of(posed, posed.problem.device, NO_LOOP, wall)
-    kicks = (buzz_of(posed.problem, rings, NO_LOOP, wall, more) for more in (1, MORE))
-    return all(buzz is None or buzz.moving == 0 for buzz in kicks)
+    kicks = buzz_of(posed.problem, rings, NO_LOOP, wall, MORE)
+    return kicks is None or kicks.moving == 0
 
 
 def _down(most: float, least: float, ratio: float) -> list[float]:
