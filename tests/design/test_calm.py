@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from itertools import product
 from math import inf
 
@@ -21,6 +22,7 @@ from vctune.design.prepared import pose
 from vctune.document.text.toml import toml_text
 from vctune.model.design import Design
 from vctune.proof.certificate import certify
+from vctune.simulation.kicks import calm
 
 ARM = """[device]
 sample_time = 2e-3
@@ -229,6 +231,87 @@ def test_a_calm_wall_rests_after_own_kicks():
     if judged.kicked.moving:
         assert judged.status is vctune.Status.VIOLATED
     assert calm.coupling.stiffness > 0.1 * free.coupling.stiffness
+
+
+def drawn_wall(seed: int) -> tuple[str, Rubbing, tuple[float, float, float]]:
+    """Return a problem that demands a calm wall, its device without a wall, and the greatest hand of its box."""
+    rng = np.random.default_rng([seed, 21])
+    mass, T = 10 ** rng.uniform(-1.7, 0), 10 ** rng.uniform(-3.2, -2.7)
+    damping, q, f = rng.uniform(0.05, 2), 10 ** rng.uniform(-5.5, -4), 10 ** rng.uniform(-2, -0.3)
+    hz = None if rng.random() < 0.5 else rng.uniform(50, 0.3 / T)
+    hand = (mass * rng.uniform(0, 2), rng.uniform(0, 10), rng.uniform(0, 1000))
+    ratio = None if rng.random() < 0.5 else rng.uniform(0.05, 0.2)
+    text = f"""[device]
+display = "impedance"
+mass = {mass}
+damping = {damping}
+friction = {f}
+sample_time = {T}
+velocity = {{ resolution = {q}{"" if hz is None else f", filter_hz = {hz}"} }}
+[environment]
+stiffness = inf
+[operator]
+mass = {{ max = {hand[0]} }}
+damping = {{ max = {hand[1]} }}
+stiffness = {{ max = {hand[2]} }}
+[stability]
+criterion = "hands"
+calm = true
+{"" if ratio is None else f"damping_ratio = {ratio}"}
+"""
+    return text, Rubbing(mass, damping, T, 0.0, 0.0, q, f, hz=hz), hand
+
+
+def keep_moving(walls: list[Rubbing], most: tuple[float, float, float], count: int, seconds: float = 3.0) -> np.ndarray:
+    """Return how many own kicks of each wall move as far in the last half second as in the one before, or nearly."""
+    rng = np.random.default_rng(9)
+    lanes = [wall for wall in walls for _ in range(count)]
+    hands = np.array(most) * rng.integers(0, 2, (len(lanes), 3))
+    lanes = [replace(wall, hand=tuple(hand)) for wall, hand in zip(lanes, hands, strict=True)]
+    q, f = walls[0].q, walls[0].f
+    unit = np.array([q / wall.T + f / (wall.b + wall.b_c) for wall in lanes])
+    starts = rng.uniform(-q / 2, q / 2, len(lanes)), unit * 10 ** rng.uniform(-1, 1.1, len(lanes))
+    seen = struck(lanes, *starts, f * rng.uniform(-1.1, 1.1, len(lanes)), seconds, 1.0, parts=8)
+    before, last = (np.ptp(half, axis=0) for half in np.array_split(seen.trace, 2))
+    moving = (last > 2e-3 * q) & (last > 0.998 * before)
+    return moving.reshape(len(walls), count).sum(axis=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(DRAWS))
+def test_no_wall_of_an_own_grid_is_calm_and_a_tenth_stiffer(seed):
+    """An own grid of stiffness and damping, own steps, own kicks; whether a wall is stable is checked."""
+    text, device, hand = drawn_wall(seed)
+    solved = vctune.solve(vctune.problem(tomllib.loads(text)))
+    found = solved.judgement.coupling.stiffness if solved.status == "certified" else 0.0
+    most = min(2 * device.f / device.q, device.m / device.T**2)
+    springs = [k for k in most * 0.85 ** np.arange(20) if k > found / 0.9]
+    dampings = np.geomspace(3e-3, 1.0, 12) * device.m / device.T
+    walls = [replace(device, k=float(f"{k:.6g}"), b_c=float(f"{b:.6g}")) for k in springs for b in dampings]
+    walls = [wall for wall in walls if wall.radius() < 1]
+    for count in (6, 200):
+        walls = [wall for wall, moving in zip(walls, keep_moving(walls, hand, count), strict=True) if not moving]
+        if not walls:
+            break
+    free = tomllib.loads(text.replace("calm = true", ""))
+    for wall in walls:
+        checked = vctune.check(free, vctune.Gains(0.0, 0.0), vctune.SpringDamper(wall.b_c, wall.k))
+        assert checked.result != "passed", (wall.k, wall.b_c, found)
+    assert found > 0
+    own = replace(device, k=found, b_c=solved.judgement.coupling.damping)
+    assert keep_moving([own], hand, 200)[0] <= 2
+
+
+def test_walls_that_are_kicked_together_rest_as_own_steps_have_it():
+    """A wall of a grid is calm if no own kick in a hundred keeps moving, and not if many do; some of both are seen."""
+    device = Rubbing(0.05, 0.1, 1e-3, 0.0, 0.0, 1e-4, 0.5)
+    walls = [replace(device, k=k, b_c=b) for k in (1500.0, 5000.0, 9000.0) for b in (2.0, 6.0, 25.0)]
+    problem = vctune.problem(tomllib.loads(PADDLE)).problem
+    rests = calm(problem.device, problem.hands, [vctune.SpringDamper(wall.b_c, wall.k) for wall in walls])
+    moving = keep_moving(walls, (0.05, 2.0, 300.0), 50, 2.0)
+    assert not rests[moving > 5].any()
+    assert (moving[rests] <= 1).all()
+    assert 2 <= rests.sum() <= 7
 
 
 LOW_FRICTION = """[device]

@@ -133,6 +133,23 @@ def test_a_wall_buzzes_after_kicks_as_the_oracle_steps_it(seed):
         assert hertz.min() * 0.9 < found.frequency < hertz.max() * 1.1
 
 
+def test_a_motion_that_friction_stops_late_is_no_buzz():
+    """Two cycles a second of .5 kg on 60 N/m, from which friction takes 4 f/k a cycle: it lasts beyond the run."""
+    device = {"display": "impedance", "mass": 0.075, "damping": 0.13, "sample_time": 4e-3, "friction": 0.01}
+    device |= {"velocity": {"resolution": 3e-5}}
+    hand = {name: {"min": value, "max": value} for name, value in (("mass", 0.5), ("damping", 0.0), ("stiffness", 0.0))}
+    problem = vctune.problem({
+        "device": device, "environment": {"stiffness": float("inf")}, "operator": hand,
+        "coupling": {"stiffness": 60.0, "damping": 0.0}, "stability": {"criterion": "hands"},
+    }).problem  # fmt: skip
+    wall = Rubbing(0.075, 0.13, 4e-3, 60.0, 0.0, 3e-5, 0.01, hand=(0.5, 0.0, 0.0))
+    begins, speed = np.zeros(1), np.ones(1)
+    halfway, late = (run([wall], begins, speed, begins, seconds, 1.0).moved[0] for seconds in (6.0, 12.0))
+    assert wall.q < late < 0.9 * halfway
+    found = buzz(problem.device, hands_at_rest(problem), *problem.fixed_design, (RIGID,), 100.0)
+    assert found is not None and found.moving == 0
+
+
 def coupled_kicks(f: float, K: float, count: int) -> tuple[float, np.ndarray]:
     """Kick a mass on a velocity loop, with an encoder, friction, and a coupling with nothing behind, held by a spring.
 

@@ -102,6 +102,39 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     assert {"coupling_damping [N s/m]", "worst_hz", "status"} < {*rows[0]} and len({*rows[0]}) == len(rows[0])
 
 
+WALL = """[device]
+display = "impedance"
+units = "rotary"
+mass = 5e-4
+damping = 1e-3
+friction = 0.02
+sample_time = 1e-3
+velocity = { resolution = 3.1416e-4 }
+[environment]
+stiffness = inf
+[operator]
+mass = { max = 5e-4 }
+damping = { max = 0.05 }
+stiffness = { max = 5.0 }
+[stability]
+criterion = "hands"
+[coupling]
+stiffness = 127.32365
+damping = 0.811153
+"""
+
+
+def test_a_point_that_buzzes_is_not_best_beside_one_that_does_not(tmp_path):
+    """The softer wall has the greater error. Alone, the wall that buzzes is the best, and is said to buzz."""
+    both = write_study(tmp_path, '"coupling.stiffness" = [127.32365, 20.0]\n"coupling.damping" = [0.811153, 0.1]', WALL)
+    both.write_text(both.read_text() + '[sample]\nkind = "list"\n')
+    found = json.loads(run("sweep", both, "--format", "json", cwd=tmp_path).stdout)
+    assert found["best"]["kicks_moving"] == 0 and found["best"]["coupling.stiffness"] == 20.0
+    alone = write_study(tmp_path, '"coupling.stiffness" = [127.32365]', WALL, "alone")
+    told = run("sweep", alone, cwd=tmp_path).stdout
+    assert re.search(r"best +error 0\.0014\d* .*, buzzes after \d+% of its kicks", told)
+
+
 def test_an_infeasible_point_is_a_row_with_its_reason(tmp_path):
     narrow = "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = { min = 1e-3, max = 5.0 }\n"
     (tmp_path / "device.toml").write_text(FREE + narrow)

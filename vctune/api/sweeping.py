@@ -60,13 +60,16 @@ class Swept:
     def rows(self) -> Printed:
         """Yield counts by status, the best and the worst design, the yardstick, and the corner without designs."""
         found = self.summary
-        idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
-        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
+        of_them = {"certified": f" ({found.idle} idle)" if found.idle else ""}
+        counts = ", ".join(f"{count} {status}{of_them.get(status, '')}" for status, count in found.status.items())
         yield (printable(found.study), "bold"), f": {found.points} points, {counts}"
         for label, row in (("best", found.best), ("worst", found.worst)):
             if row:  # only the keys of axes contain a dot
                 axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
-                yield (f"{label:<5}  error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}",)
+                idle = ", idle" if row["idle"] else ""
+                moving = row["kicks_moving"]
+                buzzes = f", buzzes after {moving:.0%} of its kicks" if moving else ""
+                yield (f"{label:<5}  error {text(row['error'])} at {axes}{idle}{buzzes}",)
         on, unit = found.yardstick, found.units["reference_impedance"]
         shared = f"over   {text(on['band_hz'])} Hz with Z_0 = {text(on['reference_impedance'])} {unit}"
         varied = f"except {', '.join(on['varied'])}: errors at different values of it are not comparable"

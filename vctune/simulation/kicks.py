@@ -216,20 +216,23 @@ def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, long
     total = min(max(ceil(seconds / T), 3 * block), most)
     lanes, push = np.arange(kicks.begins.size), kicks.push
     travel, greatest = np.zeros(lanes.size), np.zeros(lanes.size)
-    amplitudes = np.zeros((0, lanes.size))
+    amplitudes, variations = np.zeros((0, lanes.size)), np.zeros((0, lanes.size))
     going = list[Going]()
     for done in range(block, most + block, block):
         now, places, forces = _watched(handles, now, push, block)
         ripple, drift = _ripple(places)
         varies = np.ptp(forces, axis=0)
         amplitudes = np.vstack([amplitudes, ripple])
+        variations = np.vstack([variations, varies])
         travel = np.maximum(travel, ripple)
         greatest = np.maximum(greatest, np.abs(forces).max(axis=0))
         still = np.maximum(SHAKES * q if q > 0 else GRAIN * travel, ROUNDING * np.abs(places).max(axis=0))
         watched = (ripple > still) | (varies > SHAKES * greatest)
         if done >= total:
             watched &= drift <= ripple
-            lasts = watched & ~_falls(amplitudes)
+            # while the handle itself rests, only the command tells whether something falls
+            falls = np.where(ripple > still, _falls(amplitudes), _falls(variations))
+            lasts = watched & ~falls
             hz = [strongest_hz(trace, T) for trace in places[:, lasts].T]
             going.append(Going(lanes[lasts], ripple[lasts], varies[lasts] / 2, np.array(hz)))
             watched &= ~lasts
@@ -240,7 +243,8 @@ def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, long
             name: [np.broadcast_to(number, watched.shape)[watched] for number in numbers]
             for name, numbers in now.items()
         }
-        travel, greatest, amplitudes = travel[watched], greatest[watched], amplitudes[:, watched]
+        travel, greatest = travel[watched], greatest[watched]
+        amplitudes, variations = amplitudes[:, watched], variations[:, watched]
     return Going(
         np.concatenate([part.lanes for part in going] or [lanes[:0]]),
         np.concatenate([part.amplitude for part in going] or [travel[:0]]),

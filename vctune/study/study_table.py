@@ -45,8 +45,9 @@ class Summary:
     idle: int  # number of certified designs that render almost nothing
     yardstick: dict[str, Any]  # scale of the errors, except for the keys `varied`, which an axis states
     units: dict[str, str]  # units of axes and numbers, by key and column
-    best: dict[str, Any] | None  # certified rows with the least and the greatest error; None without one
-    worst: dict[str, Any] | None
+    # certified row with the least error of those that do not buzz, or of all if all do; None without one
+    best: dict[str, Any] | None
+    worst: dict[str, Any] | None  # certified row with the greatest error
     corner: dict[str, Any] | None  # smallest box over the axes that holds every point without a certified design
 
     def to_json(self) -> dict[str, Any]:
@@ -56,8 +57,10 @@ class Summary:
 
 def summary(study: Study, table: Table) -> Summary:
     """Return the summary of a sweep."""
-    certified, error = table.certified, table.numbers["error"]
-    order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
+    certified = np.flatnonzero(table.certified)
+    error = table.numbers["error"][certified]
+    by_error = certified[np.argsort(error, kind="stable")]
+    by_worth = certified[np.lexsort((error, table.buzzing[certified]))]
     measured = study.yardstick
     yardstick = {
         "band_hz": list(measured.band.hz),
@@ -73,9 +76,9 @@ def summary(study: Study, table: Table) -> Summary:
         idle=int(table.idle.sum()),
         yardstick=yardstick,
         units=table.units,
-        best=table.row(int(order[0])) if order.size else None,
-        worst=table.row(int(order[-1])) if order.size else None,
-        corner=_corner(table) if not certified.all() else None,
+        best=table.row(int(by_worth[0])) if certified.size else None,
+        worst=table.row(int(by_error[-1])) if certified.size else None,
+        corner=_corner(table) if not table.certified.all() else None,
     )
 
 
@@ -106,6 +109,11 @@ class Table:
     def certified(self) -> NDArray[np.bool_]:
         """Flags of the points that have a certified design."""
         return np.array([status == Status.CERTIFIED for status in self.status], dtype=bool)
+
+    @property
+    def buzzing(self) -> NDArray[np.bool_]:
+        """Flags of the points whose design some kick keeps moving."""
+        return np.asarray(self.numbers["kicks_moving"] > 0)
 
     def columns(self) -> dict[str, Any]:
         """Return every column by its name."""

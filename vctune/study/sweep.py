@@ -107,7 +107,8 @@ class _Sweep:
     on_done: OnDone
     time_limit: float
     statuses: Counter[str] = field(default_factory=Counter)
-    best: float = inf  # least error of a certified point
+    # whether the best certified point buzzes, which counts first, and its error
+    best: tuple[bool, float] = (True, inf)
     infeasible: dict[str, PointRow] = field(default_factory=dict)  # results that hold for all weights of the error
     pending: dict[Future[PointRow], _Task] = field(default_factory=dict)  # points at the workers
     retries: list[_Task] = field(default_factory=list)  # points whose worker died
@@ -189,7 +190,10 @@ def _tell(state: _Sweep, content: PointRow) -> None:
     """Count a further point, and report the results so far."""
     state.statuses[content["status"]] += 1
     if content["status"] == Status.CERTIFIED.value:
-        state.best = min(state.best, content["error"])
+        buzzes = (content.get("kicks_moving") or 0) > 0
+        state.best = min(state.best, (buzzes, content["error"]))
     counts = sorted(state.statuses.items(), key=lambda each: (-each[1], each[0]))
     known = ", ".join(f"{count} {status}" for status, count in counts)
-    state.on_done(known + (f"; best error {state.best:.4g}" if state.best < inf else ""))
+    buzzes, error = state.best
+    best = f"; best error {error:.4g}{', buzzes' if buzzes else ''}"
+    state.on_done(known + (best if error < inf else ""))
