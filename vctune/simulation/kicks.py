@@ -40,7 +40,7 @@ WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
 FALLS = 1e-3  # Share of its size by which a motion that dies away falls from one third of a run to the next, at least
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
-FURTHER = 3.0  # Times as long a motion is watched that falls, within these limits
+FURTHER = 2.0  # Times as long a motion is watched that falls, within these limits
 CYCLES = 3  # Periods of the softest of several walls for which each is watched at once
 ROUNDING = 1e-9  # Share of its place within which a handle is at rest
 LEAST = 1e-300  # What stands for a divisor of 0 whose quotient does not count
@@ -198,10 +198,19 @@ def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Fl
 def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, longest: float) -> Going:
     """Strike every lane once, and return those that go on moving.
 
-    A lane is watched for one window after the other, s, until it rests. After `seconds`, it goes on moving unless it falls:
+    A lane is watched for one window after the other until it rests. After `seconds`, it goes on moving unless it falls:
     unless its greatest amplitude in the last third of the run is less than that in the third before. One that falls is
     watched further, for `longest` at most, and if it still falls then, it dies away. One that drifts on passes the
     steps of its reading, and does not go on moving either.
+
+    Parameters
+    ----------
+    handles : Together
+        The lanes at rest.
+    kicks : Kicks
+        What strikes each of them.
+    window, seconds, longest : float
+        Times for which a lane is watched at once, until one that does not fall goes on moving, and at most, s.
     """
     device = handles.scene.device
     q = handles.scene.law.position_resolution

@@ -1,5 +1,5 @@
-"""One sample of many handles at once, in NumPy: the equations of `sample.py`, with a hand, and if wanted a wall, for each
-lane."""
+"""One sample of many handles at once, in NumPy: the equations of `sample.py`, with a hand for each lane, and a wall if
+the lanes have walls of their own."""
 
 from __future__ import annotations
 

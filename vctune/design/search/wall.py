@@ -21,7 +21,6 @@ from vctune.design.judging.kicked import buzz_of, hands_at_rest, ringing_of
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
-from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
@@ -38,8 +37,8 @@ NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
-# Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio of
-# its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
+# Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio
+# of its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
 # neighbours; walls that are kicked together; and how many times as many kicks a wall bears
 SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
 DOWN, SOFTEST = 0.7, 2e-3
@@ -205,9 +204,9 @@ def _stiffest_calm(posed: Posed, walls: Sequence[SpringDamper]) -> SpringDamper 
     for batch in _batches(candidates, TOGETHER):
         bearing = [wall for wall, rests in zip(batch, calm(device, hands, batch), strict=True) if rests]
         for few in _batches(bearing, TOGETHER // MORE):
-            for k in np.flatnonzero(calm(device, hands, few, MORE)):
-                if _is_calm(posed, few[k]):
-                    return few[k]
+            for wall, rests in zip(few, calm(device, hands, few, MORE), strict=True):
+                if rests and _is_calm(posed, wall):
+                    return wall
     return None
 
 
