@@ -187,7 +187,8 @@ def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Fl
     else:
         acting = damping + device.damping
         unit = q / T + np.where(acting > 0, (f + q_f) / np.maximum(acting, LEAST), 0.0)
-        away = AWAY * (q or np.where(stiffness > 0, f / np.maximum(stiffness, LEAST), unit * T))
+        without_steps = np.where(stiffness > 0, f / np.maximum(stiffness, LEAST), unit * T)
+        away = AWAY * (np.full(without_steps.shape, q) if q > 0 else without_steps)
     return Kicks(
         speed=unit * SLOWEST * (FASTEST / SLOWEST) ** spread[:, 0],
         begins=(spread[:, 3] - 0.5) * q,
