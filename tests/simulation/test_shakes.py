@@ -134,7 +134,7 @@ def test_a_wall_buzzes_after_kicks_as_the_oracle_steps_it(seed):
 
 
 def test_a_motion_that_friction_stops_late_is_no_buzz():
-    """Two cycles a second of .5 kg on 60 N/m, from which friction takes 4 f/k a cycle: it lasts beyond the run."""
+    """Two cycles a second of .5 kg on 60 N/m, from which friction takes 4 f/k a cycle: it outlasts the run."""
     device = {"display": "impedance", "mass": 0.075, "damping": 0.13, "sample_time": 4e-3, "friction": 0.01}
     device |= {"velocity": {"resolution": 3e-5}}
     hand = {name: {"min": value, "max": value} for name, value in (("mass", 0.5), ("damping", 0.0), ("stiffness", 0.0))}

@@ -40,7 +40,7 @@ WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
 FALLS = 1e-3  # Share of its size by which a motion that dies away falls from one third of a run to the next, at least
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
-FURTHER = 2.0  # Times as long a motion is watched that falls, within these limits
+FURTHER = 3.0  # Times as long a motion is watched that falls, within these limits
 CYCLES = 3  # Periods of the softest of several walls for which each is watched at once
 ROUNDING = 1e-9  # Share of its place within which a handle is at rest
 LEAST = 1e-300  # What stands for a divisor of 0 whose quotient does not count

@@ -135,7 +135,7 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, row_of
 
 def row_times(row: Floats, values: Sequence[Number]) -> Number:
     """Return the product of a row, shape (n,) or (n, hands), and n values. Factors of 0 are left out."""
-    acts = np.atleast_2d(row.T).any(axis=0)
+    acts = np.asarray(np.atleast_2d(row.T).any(axis=0))
     total: Number = 0.0
     for factor, value, counts in zip(row.tolist() if row.ndim == 1 else row, values, acts, strict=True):
         if counts:
