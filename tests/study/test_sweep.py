@@ -127,7 +127,7 @@ damping = 0.811153
 def test_a_point_that_buzzes_is_not_best_beside_one_that_does_not(tmp_path):
     """The softer wall has the greater error. Alone, the wall that buzzes is the best, and is said to buzz."""
     both = write_study(tmp_path, '"coupling.stiffness" = [127.32365, 20.0]\n"coupling.damping" = [0.811153, 0.1]', WALL)
-    both.write_text(both.read_text() + '[sample]\nkind = "list"\n')
+    both.write_text(both.read_text() + '\n[sample]\nkind = "list"\n')
     found = json.loads(run("sweep", both, "--format", "json", cwd=tmp_path).stdout)
     assert found["best"]["kicks_moving"] == 0 and found["best"]["coupling.stiffness"] == 20.0
     alone = write_study(tmp_path, '"coupling.stiffness" = [127.32365]', WALL, "alone")
