@@ -137,12 +137,9 @@ class SavedDesign:
         """Return the next steps: look at the report, repair the problem, or use the design."""
         design, source, named = folder / DESIGN_FILE, self.file.source, self.file.source != str(called(STDIN))
         look = [f"open {folder / REPORT}" if (folder / REPORT).exists() else f"vctune report {quote(str(design))}"]
-        own = [repair for repair in self.found.repairs or [] if not repair.assumes]
-        if own:
-            name = source if named else "the problem"
-            return [f"write {own[0].needs} into {name} and solve again", *look]
-        if self.found.together:
-            both = " and ".join(repair.needs for repair in self.found.together)
+        own = [repair for repair in self.found.repairs or [] if not repair.assumes][:1]
+        if first := self.found.together or own:
+            both = " and ".join(repair.needs for repair in first)
             return [f"write {both} into {source if named else 'the problem'} and solve again", *look]
         if self.found.status != Status.CERTIFIED.value:
             return look
@@ -176,17 +173,17 @@ def rows_of(record: DesignRecord) -> Printed:
     limits = [("limited by", "", "", line) for line in record.limits]
     if record.gains is not None:
         yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,))
+    if record.together:
+        yield ("these two together would do:",)
+        width = max(len(repair.needs) for repair in record.together)
+        yield from (_repair(repair, width) for repair in record.together)
     own, assumed = ([each for each in record.repairs or [] if each.assumes == kind] for kind in (False, True))
     for title, repairs in (("any one of these alone would do:", own), ("or one of these, if it is so:", assumed)):
         if repairs:
             yield (title,)
             width = max(len(repair.needs) for repair in record.repairs or [])
             yield from (_repair(repair, width) for repair in repairs)
-    if record.together:
-        yield ("these two together would do:",)
-        width = max(len(repair.needs) for repair in record.together)
-        yield from (_repair(repair, width) for repair in record.together)
-    elif record.tried:
+    if record.tried and not record.together:
         yield (f"none of these, each changed alone, gives a design: {', '.join(record.tried)}",)
     yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.analysis.before_wall import LoopOfWall, loop_of_wall
 from vctune.analysis.demands import (
     TransparencyError,
     ratio_minima,
@@ -24,7 +25,6 @@ from vctune.analysis.least_ratio import LEAST, least_of_devices
 from vctune.analysis.margins import Margins, loop_margins
 from vctune.analysis.multiples import suspects
 from vctune.analysis.responses import Loop
-from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall
 from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
