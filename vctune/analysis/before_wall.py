@@ -79,21 +79,24 @@ class LoopsBeforeWall(NamedTuple):
         """Return W."""
         return wall.damping * self.velocity + wall.stiffness * self.position
 
-    @np.errstate(all="ignore")
     def limits(self, wall: SpringDamper) -> tuple[Floats, Floats]:
-        """Return the least y >= 1 that is unstable in each hand, or the least y >= 0 where the wall itself is unstable;
-        inf where no y is. The second array is the angle at which a pole crosses there."""
+        """Return the least unstable multiple of a wall in each hand, and the angle at which a pole crosses there. It is
+        that of the multiples above 1 if the wall itself is stable in every hand, else that of all."""
+        multiples, angles = self.unstable_from(1.0, wall)
+        return (multiples, angles) if multiples.min() > 1 else self.unstable_from(0.0, wall)
+
+    @np.errstate(all="ignore")
+    def unstable_from(self, first: float, wall: SpringDamper) -> tuple[Floats, Floats]:
+        """Return the least unstable y >= first in each hand, inf where no y is, and the angle at which a pole
+        crosses."""
         multiples, pairs, angles = self._crossings(wall)
-        order = np.argsort(multiples, axis=1)
         most = max(int(np.isfinite(multiples).sum(axis=1).max(initial=0)), 1)
-        order = order[:, :most]
+        order = np.argsort(multiples, axis=1)[:, :most]
         multiples, pairs, angles = (np.take_along_axis(each, order, axis=1) for each in (multiples, pairs, angles))
         unstable = (np.cumsum(pairs, axis=1) > 0) & np.isfinite(multiples)  # from here to the next crossing
         ends = np.append(multiples[:, 1:], np.full((len(multiples), 1), np.inf), axis=1)
-        from_0 = np.where(unstable, multiples, np.inf)
-        from_1 = np.where(unstable & (ends > 1), np.maximum(multiples, 1.0), np.inf)
-        stable = from_1.min(axis=1, keepdims=True) > 1
-        least = np.where(stable, from_1, from_0)
+        unstable &= ends > first
+        least = np.where(unstable, np.maximum(multiples, first), np.inf)
         place = np.argmin(least, axis=1)[:, None]
         return np.take_along_axis(least, place, axis=1)[:, 0], np.take_along_axis(angles, place, axis=1)[:, 0]
 
@@ -156,7 +159,14 @@ def _beside(angles: Floats, widths: Floats) -> Floats:
 
 
 def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Place:
-    """Return the least multiple of `LoopsBeforeWall.limits` in the hands of a box.
+    """Return the least unstable multiple of a wall in the hands of a box: of those above 1 if the wall itself is
+    stable, else of all."""
+    above = _worst(device, wall, hands, 1.0)
+    return above if above.value > 1 else _worst(device, wall, hands, 0.0)
+
+
+def _worst(device: Device, wall: SpringDamper, hands: Hands, first: float) -> Place:
+    """Return the least unstable multiple from `first` on.
 
     Hands are compared on a grid, and around the worst of them in steps along each parameter, which halve where no hand
     is worse. Steps are in the square roots of the shares of the ranges, because soft springs lie close.
@@ -167,7 +177,7 @@ def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Place
 
     def limits(roots: Floats) -> tuple[Floats, Floats]:
         hands = [Hand(*map(float, numbers)) for numbers in low + width * roots**2]
-        return LoopsBeforeWall.of(device, hands).limits(wall)
+        return LoopsBeforeWall.of(device, hands).unstable_from(first, wall)
 
     multiples, angles = limits(grid)
     starts = np.argsort(multiples)[:STARTS]
@@ -186,7 +196,7 @@ def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Place
         step = np.where(better[:, None, None], step, step / 2)
     worst = int(np.argmin(multiple))
     hand = Hand(*map(float, low + width * place[worst] ** 2))
-    return _closer(device, wall, Place(float(multiple[worst]), float(angle[worst]), hand))
+    return _closer(device, wall, Place(float(multiple[worst]), float(angle[worst]), hand), first)
 
 
 def _shares(low: float, high: float, count: int) -> Floats:
@@ -198,14 +208,14 @@ def _shares(low: float, high: float, count: int) -> Floats:
     return np.asarray(np.sqrt((values - low) / (high - low)))
 
 
-def _closer(device: Device, wall: SpringDamper, place: Place) -> Place:
+def _closer(device: Device, wall: SpringDamper, place: Place, first: float) -> Place:
     """Return a place with its multiple at angles close to the crossing, between which P and W are nearly lines."""
-    if not 0 < place.value < np.inf:
+    if not first < place.value < np.inf:
         return place
     loop = LoopsBeforeWall.of(device, [place.hand])
     width = np.diff(loop.angles[0])[min(int(np.searchsorted(loop.angles[0], place.theta)), loop.angles.shape[1] - 2)]
     close = np.union1d(loop.angles[0], np.clip(place.theta + width * CLOSE, FIRST_ANGLE, pi))
-    multiples, angles = LoopsBeforeWall.at(device, [place.hand], close[None]).limits(wall)
+    multiples, angles = LoopsBeforeWall.at(device, [place.hand], close[None]).unstable_from(first, wall)
     return Place(float(multiples[0]), float(angles[0]), place.hand)
 
 

@@ -176,7 +176,7 @@ def finding_of(file: ProblemFile, judgement: Judgement, repairs: Found, notes: S
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut or (judgement.status is Status.VIOLATED and out_of_time())
     found = [*([OUT_OF_TIME] if cut else []), *file_doubts(file), *warnings(file.problem, judgement), *notes]
-    found += shake_notes(*shaken_in_time(file.problem, judgement), file.problem.units)
+    found += shake_notes(*shaken_in_time(file.problem, judgement), file.problem)
     return DesignFinding(file, judgement, repairs, [note.line for note in found])
 
 

@@ -122,11 +122,13 @@ def _with_angles(
     if problem.problem.device.kind.own_loop or len(axes) < 2 or any(each.verdict != "passed" for each in checks):
         return checks
     named = _named(axes)
-    found = Outcome(Verdict.PROVED, 0)
-    if not (_alike(given, axes) or all(_proved_by_resistance(tables, given, axis) for axis in axes)):
+    found, alike = Outcome(Verdict.PROVED, 0), _alike(given, axes)
+    if not (alike or all(_proved_by_resistance(tables, given, axis) for axis in axes)):
         found = together(questions_of(checks))
     if found.verdict is Verdict.PROVED:
         said = f"also in hands at every angle to {named}"
+        if problem.problem.stability.damping_ratio is not None and not alike:
+            said = f"stable also in hands at every angle to {named}, with the damping ratio proved along the axes alone"
         return [replace(each, message=f"{each.message}; {said}") for each in checks]
     hz = "" if found.witness is None else f", about {found.witness / (2 * pi):.4g} Hz"
     said = f"{named} together: proved each alone, and not in hands at an angle to them, since their laws differ{hz}"
@@ -310,10 +312,11 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
         left = 1 - axis.joint_damping * T
         if left <= 0:
             return f"stepped explicitly, joint_damping must be below 1/T = {1 / T:.4g}, not {axis.joint_damping:.4g}"
+        lightest = f"{units.translated('a mass')} of {_few(axis.damping * T, 4, ROUND_CEILING)} {units.mass}"
         needed, most = (2 * axis.damping_ratio * T / left) ** 2 * axis.stiffness, axis.mass * left / T
         said = (
-            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} is modelled from a "
-            f"{units.mass_name} of {_few(axis.damping * T, 4, ROUND_CEILING)} {units.mass} on, not {axis.mass:.4g}"
+            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} is modelled from {lightest} on, "
+            f"not {axis.mass:.4g}"
         )
         ratio = most / (2 * sqrt(axis.mass * axis.stiffness))
         return (

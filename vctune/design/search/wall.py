@@ -88,7 +88,7 @@ def _in_hands(device: Device, seen: LookedAt, needed: float, ratio: float | None
     def bears(wall: SpringDamper) -> bool:
         if curve is not None and not curve.bears(wall):
             return False
-        return bool(loops.limits(wall)[0].min() >= needed)
+        return bool(loops.unstable_from(1.0, wall)[0].min() >= needed)
 
     return bears
 
