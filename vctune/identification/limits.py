@@ -3,24 +3,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import product
-from math import exp, inf, pi, sqrt
+from math import ceil, exp, inf, log, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.fit import TRIED, Fit, Task, fitted
 from vctune.identification.search import starts_of
+from vctune.identification.stepped import LAGS
 
 LONGEST = 4000  # Rows that are compared
-FIRST_ROWS = ((0.5, 2.0, 5.0, 10.0, 20.0, 40.0), (1.0, 4.0, 12.0))  # First delays and lags
-SHARES = (0.3, 0.5, 0.8, 1.0)  # First limits of the acceleration, as shares of the greatest that the motion shows
-USUAL = 0.995  # Quantile that is the greatest of a noisy motion
-LOW_PASSES, QUIET = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0), 0.05  # Deviations, rows, and most noise of what they leave
-DECISIVE, MORE = 0.5, 0.7  # Greatest ratio of the residuals with and without a limit, and with a second limit beside it
+STEPS, MOST_PARTS = 8000, 8  # Steps of a motion, and most of them in a row
+SEGMENTS = 16  # Of the compared rows; the position at the start of each is free
+COMPARED = 1500  # Rows that choose among the first servos
+FIRST_LAGS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)  # As shares of the latency that the linear fit has
+FIRST_LIMITS = (0.12, 0.2, 0.32, 0.5, 0.65, 0.8, 0.93)  # As shares of the greatest value of the unlimited servo
+FIRST_DELAYS = 30  # From none to a quarter more than the latency
+KINDS_REFINED, REFINEMENTS = 4, 8  # Kinds of limits that are refined, and Gauss-Newton steps
+LEAST_STEP = 1e-3  # Of a logarithm and, in steps of the motion, of a delay, for slopes
+LONGEST_STEP = 0.4  # Greatest change of a logarithm
+LEAST_DAMPING, FIRST_DAMPING = 1e-4, 1e-2  # Marquardt's
+DECISIVE = 30.0  # Gain in -2 log likelihood, for independent residuals, that shows a limit
+LEAST_GAIN = 0.25  # Of the squared residual beyond the noise, the share that a limit explains
+DECISIVE_FORCE = 0.5  # Greatest ratio of the residuals with and without a limit of the force
 FORCES = (0.95, 0.85, 0.7, 0.55, 0.4, 0.3)  # First limits of a force, as shares of the greatest command
-TRIES = 250  # Motions that are compared for each kind of limit
+
+
+class Place(Enum):
+    """What a limit acts on: the command before the low-pass, the low-pass itself, or what leaves it."""
+
+    COMMAND = "command"
+    SERVO = "servo"
+    MOTION = "motion"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,68 +50,330 @@ class Limits:
     acceleration: float
 
 
-def moved(told: Floats, T: float, start: float, delay: float, lag: float, limits: Limits) -> Floats:
-    """Return the speed at each row of a first-order servo whose speed and acceleration are limited."""
-    rows = np.arange(told.size)
-    wanted = np.clip(np.interp(rows - delay / T, rows, told), -limits.speed, limits.speed)
-    share, most = 1 - exp(-T / lag), limits.acceleration * T
-    speed, out = start, np.empty_like(wanted)
-    for row, goal in enumerate(wanted.tolist()):
-        out[row] = speed
-        change = share * (goal - speed)
-        speed += most if change > most else -most if change < -most else change
-    return out
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A low-pass, what is limited, and where."""
+
+    order: int
+    place: Place
+    limited: tuple[str, ...]  # of "speed", "acceleration"
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """The rows of a log that are compared, and the command in steps that divide a row."""
+
+    told: Floats  # m/s in each step, shape (steps,)
+    step: float  # s
+    rows: NDArray[np.integer]  # the steps at which the compared rows begin, shape (segments, rows)
+    measured: Floats  # position or speed at these rows; the mean of a segment's positions is taken out
+    reads_position: bool
+
+    def centred(self, values: Floats) -> Floats:
+        """Return values of shape (..., rows) without the free position of their segment."""
+        return values - values.mean(axis=-1, keepdims=True) if self.reads_position else values
+
+    def every(self, rows: int) -> Stretch:
+        """Return the stretch with one row of some."""
+        fewer = replace(self, rows=self.rows[:, ::rows], measured=self.measured[:, ::rows])
+        return replace(fewer, measured=fewer.centred(fewer.measured))
+
+
+@dataclass(frozen=True, slots=True)
+class Servos:
+    """Servos of one kind, a row each: logarithm of the lag in s, delay in steps, logarithms of the limits in SI units."""
+
+    kind: Kind
+    numbers: Floats  # shape (servos, 2 + limits)
+
+    @property
+    def lags(self) -> Floats:
+        """The lags, s."""
+        return np.asarray(np.exp(self.numbers[:, 0]))
+
+    def limit(self, name: str) -> Floats:
+        """Return the limits of a name; inf if there are none."""
+        if name not in self.kind.limited:
+            return np.full(len(self.numbers), inf)
+        return np.asarray(np.exp(self.numbers[:, 2 + self.kind.limited.index(name)]))
+
+
+def rate_limited(goals: Floats, most: Floats) -> Floats:
+    """Return what follows goals of shape (steps, servos) and changes in a step by `most` of each servo at the most."""
+    if np.all(np.isinf(most)):
+        return goals
+    followed = np.empty_like(goals)
+    speed, least, change = goals[0].copy(), -most, np.empty_like(most)
+    for step, goal in enumerate(goals):
+        np.subtract(goal, speed, out=change)
+        np.minimum(change, most, out=change)
+        np.maximum(change, least, out=change)
+        speed += change
+        followed[step] = speed
+    return followed
+
+
+def over_a_step(order: int, lags: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return what speed error and acceleration at the start of a step add to speed and acceleration, each (2, servos).
+
+    The speed error is the speed less the command, which is held. Order 1: v' = (u - v) / lag. Order 2: v'' = w^2 (u - v)
+    - sqrt(2) w v', w = sqrt(2) / lag.
+    """
+    if order == 1:
+        nothing = np.zeros_like(lags)
+        return np.array([np.expm1(-step / lags), nothing]), np.array([nothing, nothing])
+    w = LAGS[2] / lags
+    b = w / sqrt(2)
+    decay, cosine, sine = np.exp(-b * step), np.cos(b * step), np.sin(b * step)
+    of_speed = np.array([decay * (cosine + sine) - 1, decay * sine / b])
+    return of_speed, np.array([-decay * w * w * sine / b, decay * (cosine - sine)])
+
+
+def low_passed(goals: Floats, order: int, lags: Floats, step: float) -> Floats:
+    """Return the speeds (steps, servos) at the starts of steps, of the low-pass of goals (steps, servos), from rest at
+    the first."""
+    from scipy.signal import lfilter
+
+    (error, slope), (pull, stay) = over_a_step(order, lags, step)
+    speeds = np.empty_like(goals)
+    for servo, column in enumerate((goals - goals[0]).T):
+        F = np.array([[1 + error[servo], slope[servo]], [pull[servo], stay[servo]]])
+        G = -F[:, 0] + (1.0, 0.0)
+        over = [0.0, G[0], F[0, 1] * G[1] - F[1, 1] * G[0]]
+        under = [1.0, -F[0, 0] - F[1, 1], F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]]
+        speeds[:, servo] = lfilter(over, under, column)
+    return speeds + goals[0]
+
+
+def limited_low_pass(told: Floats, order: int, lags: Floats, step: float, speed: Floats, most: Floats) -> Floats:
+    """Return the speeds of low-passes whose own speed is limited, and changes by `most` in a step at the most."""
+    (error, slope), (pull, stay) = over_a_step(order, lags, step)
+    speeds = np.empty((told.size, lags.size))
+    v, a = np.clip(told[0], -speed, speed), np.zeros_like(lags)
+    off, change, other = np.empty_like(lags), np.empty_like(lags), np.empty_like(lags)
+    for row, goal in enumerate(told.tolist()):
+        speeds[row] = v
+        np.subtract(v, goal, out=off)
+        np.multiply(error, off, out=change)
+        if order == 2:
+            np.multiply(slope, a, out=other)
+            change += other
+            a *= stay
+            np.multiply(pull, off, out=other)
+            a += other
+        np.minimum(change, most, out=change)
+        np.maximum(change, -most, out=change)
+        v += change
+        np.minimum(v, speed, out=v)
+        np.maximum(v, -speed, out=v)
+    return speeds
+
+
+def speeds_of(servos: Servos, told: Floats, step: float) -> Floats:
+    """Return the speed of each servo without its delay at the starts of the steps, shape (steps, servos)."""
+    order, place = servos.kind.order, servos.kind.place
+    speed, most = servos.limit("speed"), servos.limit("acceleration") * step
+    if place is Place.SERVO:
+        return limited_low_pass(told, order, servos.lags, step, speed, most)
+    goals = np.repeat(told[:, None], speed.size, axis=1)
+    if place is Place.COMMAND:
+        return low_passed(rate_limited(np.clip(goals, -speed, speed), most), order, servos.lags, step)
+    return rate_limited(np.clip(low_passed(goals, order, servos.lags, step), -speed, speed), most)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Motions without a delay at the starts of the steps, each of shape (steps, servos)."""
+
+    values: Floats  # what is read: position or speed
+    slopes: Floats  # its change per step
+
+
+def motion_of(servos: Servos, stretch: Stretch) -> Motion:
+    """Return what the log would read of servos without their delay."""
+    speeds = speeds_of(servos, stretch.told, stretch.step)
+    if not stretch.reads_position:
+        return Motion(speeds, np.gradient(speeds, axis=0))
+    way = np.cumsum(0.5 * stretch.step * (speeds[1:] + speeds[:-1]), axis=0)
+    return Motion(np.concatenate([np.zeros((1, way.shape[1])), way]), speeds * stretch.step)
+
+
+def late(motion: Motion, stretch: Stretch, delays: Floats) -> Floats:
+    """Return motions of servos at the compared rows after delays in steps, shape (servos, segments, rows).
+
+    Between two steps, a motion is the cubic of its values and slopes.
+    """
+    whole = np.floor(delays).astype(int)
+    s = (1 - (delays - whole))[:, None, None]  # place between the steps
+    first = np.clip(stretch.rows - 1 - whole[:, None, None], 0, len(motion.values) - 2)
+    servo = np.arange(delays.size)[:, None, None]
+    x, y = motion.values[first, servo], motion.values[first + 1, servo]
+    if not stretch.reads_position:
+        return np.asarray(x + s * (y - x))
+    p, q = motion.slopes[first, servo], motion.slopes[first + 1, servo]
+    return np.asarray(x + s * (p + s * (3 * (y - x) - 2 * p - q + s * (2 * (x - y) + p + q))))
+
+
+def left_of(made: Floats, stretch: Stretch) -> Floats:
+    """Return what motions of shape (servos, segments, rows), each times its best gain, leave of the measured one."""
+    centred = stretch.centred(made)
+    power = np.einsum("ijk,ijk->i", centred, centred) + 1e-300
+    gains = np.einsum("ijk,jk->i", centred, stretch.measured) / power
+    return np.asarray(stretch.measured - gains[:, None, None] * centred)
+
+
+def squares(left: Floats) -> Floats:
+    """Return the sum of squares of each servo's residual."""
+    return np.einsum("ijk,ijk->i", left, left)
+
+
+def refined(servos: Servos, stretch: Stretch) -> tuple[Servos, Floats]:
+    """Return servos after Gauss-Newton steps in all their numbers, and what they leave.
+
+    Each servo is damped by itself, by Marquardt's rule. No delay is negative.
+    """
+    numbers, count = servos.numbers.copy(), servos.numbers.shape[1]
+    damping = np.full(len(numbers), FIRST_DAMPING)
+    left, slopes = _slopes(replace(servos, numbers=numbers), stretch)
+    for _ in range(REFINEMENTS):
+        flat, table = left.reshape(len(numbers), -1), slopes.reshape(len(numbers), count, -1)
+        normal, pull = table @ table.transpose(0, 2, 1), np.einsum("ijk,ik->ij", table, flat)
+        size = np.einsum("ijj->ij", normal)
+        damped = normal + np.eye(count) * (size * damping[:, None] + 1e-12 * size.max(axis=1)[:, None] + 1e-300)[:, None]
+        change = -np.linalg.solve(damped, pull[:, :, None])[:, :, 0]
+        longest = np.full(count, LONGEST_STEP)
+        longest[1] = inf
+        trial = numbers + np.clip(change, -longest, longest)
+        trial[:, 1] = np.maximum(trial[:, 1], 0.0)
+        trial_left, trial_slopes = _slopes(replace(servos, numbers=trial), stretch)
+        better = squares(trial_left) < squares(left)
+        damping = np.where(better, np.maximum(damping / 5, LEAST_DAMPING), damping * 5)
+        numbers[better], left[better], slopes[better] = trial[better], trial_left[better], trial_slopes[better]
+    return replace(servos, numbers=numbers), left
+
+
+def _slopes(servos: Servos, stretch: Stretch) -> tuple[Floats, Floats]:
+    """Return what servos leave, shape (servos, segments, rows), and its slopes by their numbers, (servos, numbers, ...)."""
+    numbers = servos.numbers
+    count, kinds = numbers.shape
+    moved = [numbers + LEAST_STEP * (np.arange(kinds) == which) for which in range(kinds) if which != 1]
+    motion = motion_of(replace(servos, numbers=np.concatenate([numbers, *moved])), stretch)
+    delays = np.tile(numbers[:, 1], kinds)
+    residuals = left_of(late(motion, stretch, delays), stretch).reshape(kinds, count, *stretch.rows.shape)
+    still = Motion(motion.values[:, :count], motion.slopes[:, :count])
+    later = left_of(late(still, stretch, numbers[:, 1] + LEAST_STEP), stretch)
+    ahead = np.insert(residuals[1:], 1, later, axis=0)
+    return residuals[0], (ahead - residuals[0]).swapaxes(0, 1) / LEAST_STEP
+
+
+def stretch_of(fit: Fit) -> Stretch:
+    """Return the rows that a linear fit explains worst, `LONGEST` at most, and the command from which they follow."""
+    drive, settled = fit.task.drive, int(fit.task.starts[0])
+    count = min(drive.input.size - settled, LONGEST) // SEGMENTS * SEGMENTS
+    energy = np.zeros(drive.input.size + 1)
+    energy[fit.task.starts[:, None] + np.arange(fit.task.rows) + 1] = fit.left[:, 0].T ** 2
+    before = np.cumsum(energy)
+    first = settled + int(np.argmax(before[settled + count :] - before[settled : before.size - count]))
+    begin = first - settled
+    parts = min(max(STEPS // (settled + count), 1), MOST_PARTS)
+    told = np.repeat(drive.input[begin : first + count], parts)
+    rows = first + np.arange(count).reshape(SEGMENTS, -1)
+    stretch = Stretch(told, drive.T / parts, (rows - begin) * parts, fit.task.read[rows, 0], drive.reads[0] == 0)
+    return replace(stretch, measured=stretch.centred(stretch.measured))
+
+
+def first_servos(kind: Kind, stretch: Stretch, latency: float) -> Servos:
+    """Return servos of a kind from a grid of lags and limits, each with the best of some delays."""
+    coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
+    lags = [max(share * latency, 0.5 * stretch.step) for share in FIRST_LAGS]
+    unlimited = Servos(Kind(kind.order, Place.COMMAND, ()), np.log([[lag, 1.0] for lag in lags]))
+    speeds = speeds_of(unlimited, stretch.told, stretch.step)
+    greatest = {
+        "speed": np.abs(speeds).max(axis=0),
+        "acceleration": np.abs(np.diff(speeds, axis=0)).max(axis=0) / stretch.step,
+    }
+    numbers = np.array(
+        [
+            [log(lag), 0.0, *(log(share * greatest[name][place]) for name, share in zip(kind.limited, shares, strict=True))]
+            for place, lag in enumerate(lags)
+            for shares in product(FIRST_LIMITS, repeat=len(kind.limited))
+        ]
+    )
+    motion = motion_of(Servos(kind, numbers), coarse)
+    costs = np.array(
+        [
+            squares(left_of(late(motion, coarse, np.full(len(numbers), delay)), coarse))
+            for delay in _first_delays(stretch, latency)
+        ]
+    )
+    numbers[:, 1] = _first_delays(stretch, latency)[np.argmin(costs, axis=0)]
+    return Servos(kind, numbers[np.argsort(costs.min(axis=0))])
+
+
+def _first_delays(stretch: Stretch, latency: float) -> Floats:
+    return np.linspace(0.0, 1.25 * latency / stretch.step + 2, FIRST_DELAYS)
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The best servo of a kind, and what it leaves, shape (segments, rows)."""
+
+    servos: Servos  # one
+    left: Floats
+
+    @property
+    def cost(self) -> float:
+        """The sum of the squares of what is left, in deviations of the noise."""
+        return float(np.sum(self.left**2))
+
+    def likelier_than(self, other: Explanation) -> float:
+        """Return the gain in -2 log likelihood over another, for as many rows as are independent."""
+        flat = self.left - self.left.mean(axis=1, keepdims=True)
+        lags = [float(np.sum(flat[:, k:] * flat[:, : flat.shape[1] - k])) for k in range(flat.shape[1] // 2)]
+        ends = next((k for k, value in enumerate(lags) if value <= 0), len(lags))
+        inflation = 2 * sum(lags[:ends]) / (lags[0] + 1e-300) - 1
+        return flat.size / max(inflation, 1.0) * log(other.cost / self.cost)
+
+
+def best_of(servos: Servos, stretch: Stretch, kept: int) -> Explanation:
+    """Return the best servo after refinement of the first few."""
+    some, left = refined(replace(servos, numbers=servos.numbers[:kept]), stretch)
+    best = int(np.argmin(squares(left)))
+    return Explanation(replace(some, numbers=some.numbers[best : best + 1]), left[best])
 
 
 def limits_of(fit: Fit) -> Limits | None:
-    """Return the limits without which a servo leaves at least twice as much of the speed; None if there are none."""
-    from scipy.optimize import minimize
+    """Return the limits that explain what linear servos leave of a motion; None if there are none.
 
-    drive, read = fit.task.drive, fit.task.read[:LONGEST, 0]
-    T, told, noise, order = drive.T, drive.input[:LONGEST], float(fit.task.unit[0]), 1 - drive.reads[0]
-    measured, kept_rows = _low_passed(read * noise, noise, order)
-    measured /= T**order
-    floor = noise**2 / (2 * sqrt(pi) * kept_rows) / (2 * (kept_rows * T) ** 2) ** order  # variance that noise leaves
-    speed = float(np.quantile(np.abs(measured), USUAL))
-    slopes, rows = _low_passed(read * noise, noise, order + 1)
-    acceleration = float(np.quantile(np.abs(slopes), USUAL)) / T ** (order + 1)
-    kept = slice(int(8 * rows), -int(8 * rows))
-
-    def left(logarithms: Floats, names: tuple[str, ...]) -> float:
-        """Return what a servo with the limits of some names leaves of the speed, its gain aside."""
-        delay, lag, *others = map(exp, np.clip(logarithms, -30.0, 30.0))
-        limits = Limits(**{"speed": inf, "acceleration": inf} | dict(zip(names, others, strict=True)))
-        made, shown = moved(told, T, float(measured[0]), delay, lag, limits)[kept], measured[kept]
-        gain = 1.0 if names else float(made @ shown) / (float(made @ made) + 1e-300)
-        return float(np.sqrt(np.mean((shown - gain * made) ** 2)))
-
-    def best(names: tuple[str, ...]) -> tuple[float, Limits]:
-        tried = {"speed": [speed], "acceleration": [share * acceleration for share in SHARES]}
-        grid = product(*([rows * T for rows in each] for each in FIRST_ROWS), *(tried[name] for name in names))
-        start = min((np.log(each) for each in grid), key=lambda each: left(each, names))
-        simplex = np.vstack([start, start + 0.2 * np.eye(start.size)])
-        options = {"initial_simplex": simplex, "maxfev": TRIES}
-        found = minimize(left, start, (names,), "Nelder-Mead", options=options)
-        values = dict(zip(names, map(exp, found.x[2:]), strict=True))
-        return float(found.fun), Limits(values.get("speed", inf), values.get("acceleration", inf))
-
-    def least(*kinds: tuple[str, ...]) -> tuple[float, Limits]:
-        return min((best(names) for names in kinds), key=lambda each: each[0])
-
-    without, one, both = least(()), least(("speed",), ("acceleration",)), least(("speed", "acceleration"))
-    size, limits = both if both[0] < MORE * one[0] else one
-    return limits if size**2 - floor < DECISIVE**2 * max(without[0] ** 2 - floor, 0.0) else None
-
-
-def _low_passed(values: Floats, noise: float, order: int) -> tuple[Floats, float]:
-    """Return a column's derivative by rows after the least low-pass that leaves little noise, and its deviation."""
-    from scipy.ndimage import gaussian_filter1d
-
-    for rows in LOW_PASSES:
-        found = np.asarray(gaussian_filter1d(values, rows, order=order))
-        if noise / rows ** (order + 0.5) < QUIET * float(np.quantile(np.abs(found), USUAL)):
-            break
-    return found, rows
+    The linear servos of both orders, and those with one limit, begin from a grid, and Gauss-Newton steps refine the
+    best; the best of these gets the other limit as well. A limit is there if it makes the motion likelier than every
+    linear servo by `DECISIVE`, and explains `LEAST_GAIN` of what that leaves beyond the noise.
+    """
+    stretch = stretch_of(fit)
+    latency = max(fit.known["delay"] + fit.known["lag"], fit.task.drive.T)
+    linear = min(
+        (best_of(first_servos(Kind(order, Place.COMMAND, ()), stretch, latency), stretch, 3) for order in (1, 2)),
+        key=lambda explanation: explanation.cost,
+    )
+    kinds = [Kind(order, place, (name,)) for name in ("speed", "acceleration") for order in (1, 2) for place in Place]
+    firsts = [first_servos(kind, stretch, latency) for kind in kinds]
+    coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
+    def first_cost(servos: Servos) -> float:
+        best = replace(servos, numbers=servos.numbers[:1])
+        return float(squares(left_of(late(motion_of(best, coarse), coarse, best.numbers[:, 1]), coarse))[0])
+    firsts.sort(key=first_cost)
+    singles = [best_of(servos, stretch, 2) for servos in firsts[:KINDS_REFINED]]
+    one = min(singles, key=lambda explanation: explanation.cost)
+    import os
+    both = one
+    res = one
+    if os.environ.get("DBG"):
+        n = one.left.size
+        print("  DBG lin", linear.servos.kind.order, linear.cost/n, "fit", fit.size**2, [(e.servos.kind.order, e.servos.kind.place.value, e.servos.kind.limited[0][:3], round(e.cost/n, 3), np.round(np.exp(e.servos.numbers[0,[0,2]]),4).tolist(), round(float(e.servos.numbers[0,1]*stretch.step),4), round(e.likelier_than(linear))) for e in singles])
+    beyond = max(linear.cost - linear.left.size, 0.0)
+    if one.likelier_than(linear) < DECISIVE or linear.cost - one.cost < LEAST_GAIN * beyond:
+        return None
+    return Limits(float(one.servos.limit("speed")[0]), float(one.servos.limit("acceleration")[0]))
 
 
 def force_limit_of(fit: Fit) -> float | None:
@@ -110,4 +391,4 @@ def force_limit_of(fit: Fit) -> float | None:
     *found, (size, share) = [left(each * peak) for each in (*FORCES, 1.0)]
     best = [min((each[way] / without, i) for i, each in enumerate(found)) for way, without in ((0, size), (1, share))]
     ratio, place = min(best)
-    return FORCES[place] * peak if ratio < DECISIVE else None
+    return FORCES[place] * peak if ratio < DECISIVE_FORCE else None
