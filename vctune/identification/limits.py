@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import product
@@ -24,22 +24,26 @@ COMPARED = 1500  # Rows that choose among the first servos
 FIRST_LAGS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)  # As shares of the latency that the linear fit has
 FIRST_LIMITS = (0.12, 0.2, 0.32, 0.5, 0.65, 0.8, 0.93)  # As shares of the greatest value of the unlimited servo
 FIRST_DELAYS = 30  # From none to a quarter more than the latency
-KINDS_REFINED, REFINEMENTS = 4, 8  # Kinds of limits that are refined, and Gauss-Newton steps
+NAMES = ("speed", "acceleration")
+LIKELY, BEGUN, REFINEMENTS = 3, 2, 8  # Kinds with each limit that are refined, servos of each, and Gauss-Newton steps
 LEAST_STEP = 1e-3  # Of a logarithm and, in steps of the motion, of a delay, for slopes
 LONGEST_STEP = 0.4  # Greatest change of a logarithm
 LEAST_DAMPING, FIRST_DAMPING = 1e-4, 1e-2  # Marquardt's
-DECISIVE = 30.0  # Gain in -2 log likelihood, for independent residuals, that shows a limit
-LEAST_GAIN = 0.25  # Of the squared residual beyond the noise, the share that a limit explains
+DECISIVE = 50.0  # Gain in -2 log likelihood, for independent residuals, that shows a limit
+PROMISING = 10.0  # The same, of one limit, with which two limits are tried
+LEAST_SHARE = 0.25  # Of the squared residual beyond the noise, which a limit explains
 DECISIVE_FORCE = 0.5  # Greatest ratio of the residuals with and without a limit of the force
 FORCES = (0.95, 0.85, 0.7, 0.55, 0.4, 0.3)  # First limits of a force, as shares of the greatest command
 
 
 class Place(Enum):
-    """What a limit acts on: the command before the low-pass, the low-pass itself, or what leaves it."""
+    """What a limit acts on: the command before the low-pass, the low-pass itself, what leaves it, or the low-pass of a
+    position, which catches up."""
 
     COMMAND = "command"
     SERVO = "servo"
     MOTION = "motion"
+    LOOP = "loop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,12 +173,45 @@ def limited_low_pass(told: Floats, order: int, lags: Floats, step: float, speed:
     return speeds
 
 
+def limited_loop(told: Floats, order: int, lags: Floats, step: float, speed: Floats, most: Floats) -> Floats:
+    """Return the speeds of low-passes of a position P, P' = u, whose speed and its change in a step are limited.
+
+    Order 1 wants the speed (P - x) / lag, order 2 the acceleration w^2 (P - x) - sqrt(2) w x'. What a limit takes away
+    stays in P - x, and the motion catches up. A step is that of the linear low-pass, whose change of speed is clipped;
+    the way is the trapezoid of the speeds, and what the linear low-pass moves beyond its own.
+    """
+    (error, slope), (pull, stay) = over_a_step(order, lags, step)
+    w = LAGS[2] / lags
+    speeds = np.empty((told.size, lags.size))
+    v = np.clip(told[0], -speed, speed)
+    wanted = np.full_like(lags, told[0]) if order == 1 else np.zeros_like(lags)
+    for row, goal in enumerate(told.tolist()):
+        speeds[row] = v
+        if order == 1:
+            off = wanted - goal
+            linear = wanted + error * off
+            beyond = -off * (lags * error + 0.5 * step * (2 + error))
+        else:
+            off = v - goal
+            linear = v + error * off + slope * wanted
+            ahead = pull * off + stay * wanted
+            beyond = -(sqrt(2) * w * (linear - v) + ahead - wanted) / w**2 - 0.5 * step * (off + linear - goal)
+        after = v + np.minimum(np.maximum(linear - v, -most), most)
+        after = np.minimum(np.maximum(after, -speed), speed)
+        missed = step * goal - 0.5 * step * (v + after) - beyond
+        wanted = wanted + (missed / lags if order == 1 else w * (w * missed - sqrt(2) * (after - v)))
+        v = after
+    return speeds
+
+
 def speeds_of(servos: Servos, told: Floats, step: float) -> Floats:
     """Return the speed of each servo without its delay at the starts of the steps, shape (steps, servos)."""
     order, place = servos.kind.order, servos.kind.place
     speed, most = servos.limit("speed"), servos.limit("acceleration") * step
     if place is Place.SERVO:
         return limited_low_pass(told, order, servos.lags, step, speed, most)
+    if place is Place.LOOP:
+        return limited_loop(told, order, servos.lags, step, speed, most)
     goals = np.repeat(told[:, None], speed.size, axis=1)
     if place is Place.COMMAND:
         return low_passed(rate_limited(np.clip(goals, -speed, speed), most), order, servos.lags, step)
@@ -223,8 +260,8 @@ def left_of(made: Floats, stretch: Stretch) -> Floats:
 
 
 def squares(left: Floats) -> Floats:
-    """Return the sum of squares of each servo's residual."""
-    return np.einsum("ijk,ijk->i", left, left)
+    """Return the sum of squares of each servo's residual; inf where a first servo is unstable in steps."""
+    return np.nan_to_num(np.einsum("ijk,ijk->i", left, left), nan=inf, posinf=inf)
 
 
 def refined(servos: Servos, stretch: Stretch) -> tuple[Servos, Floats]:
@@ -342,38 +379,65 @@ def best_of(servos: Servos, stretch: Stretch, kept: int) -> Explanation:
     return Explanation(replace(some, numbers=some.numbers[best : best + 1]), left[best])
 
 
-def limits_of(fit: Fit) -> Limits | None:
+def limits_of(fit: Fit, *, told_position: bool) -> Limits | None:
     """Return the limits that explain what linear servos leave of a motion; None if there are none.
 
     The linear servos of both orders, and those with one limit, begin from a grid, and Gauss-Newton steps refine the
-    best; the best of these gets the other limit as well. A limit is there if it makes the motion likelier than every
-    linear servo by `DECISIVE`, and explains `LEAST_GAIN` of what that leaves beyond the noise.
+    best; the best with a limit of each name then get the other limit as well. Limits are there if they make the motion
+    likelier than the best linear servo by `DECISIVE`, and explain `LEAST_SHARE` of what that leaves beyond the noise.
     """
     stretch = stretch_of(fit)
     latency = max(fit.known["delay"] + fit.known["lag"], fit.task.drive.T)
-    linear = min(
-        (best_of(first_servos(Kind(order, Place.COMMAND, ()), stretch, latency), stretch, 3) for order in (1, 2)),
-        key=lambda explanation: explanation.cost,
+    linear = least(
+        best_of(first_servos(Kind(order, Place.COMMAND, ()), stretch, latency), stretch, BEGUN) for order in (1, 2)
     )
-    kinds = [Kind(order, place, (name,)) for name in ("speed", "acceleration") for order in (1, 2) for place in Place]
-    firsts = [first_servos(kind, stretch, latency) for kind in kinds]
-    coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
-    def first_cost(servos: Servos) -> float:
-        best = replace(servos, numbers=servos.numbers[:1])
-        return float(squares(left_of(late(motion_of(best, coarse), coarse, best.numbers[:, 1]), coarse))[0])
-    firsts.sort(key=first_cost)
-    singles = [best_of(servos, stretch, 2) for servos in firsts[:KINDS_REFINED]]
-    one = min(singles, key=lambda explanation: explanation.cost)
+    places = [place for place in Place if told_position or place is not Place.LOOP]
+    grids = [first_servos(Kind(*kind, (name,)), stretch, latency) for *kind, name in product((1, 2), places, NAMES)]
+    grids.sort(key=lambda servos: first_cost(servos, stretch))
+    likely = [grid for name in NAMES for grid in [each for each in grids if each.kind.limited == (name,)][:LIKELY]]
+    singles = [best_of(servos, stretch, BEGUN) for servos in likely]
+    one = least(singles)
+    if one.likelier_than(linear) < PROMISING:
+        return None
+    doubles = [
+        best_of(with_both(least(each for each in singles if each.servos.kind.limited == (name,)), stretch), stretch, len(FIRST_LIMITS))
+        for name in NAMES
+    ]
+    both = least(doubles)
+    best = both if both.likelier_than(one) > DECISIVE else one
     import os
-    both = one
-    res = one
     if os.environ.get("DBG"):
         n = one.left.size
-        print("  DBG lin", linear.servos.kind.order, linear.cost/n, "fit", fit.size**2, [(e.servos.kind.order, e.servos.kind.place.value, e.servos.kind.limited[0][:3], round(e.cost/n, 3), np.round(np.exp(e.servos.numbers[0,[0,2]]),4).tolist(), round(float(e.servos.numbers[0,1]*stretch.step),4), round(e.likelier_than(linear))) for e in singles])
+        print("  DBG lin", linear.servos.kind.order, linear.cost/n, "fit", fit.size**2, [(e.servos.kind.order, e.servos.kind.place.value, e.servos.kind.limited[0][:3], round(e.cost/n, 3), np.round(np.exp(e.servos.numbers[0,[0,*range(2,e.servos.numbers.shape[1])]]),4).tolist(), round(float(e.servos.numbers[0,1]*stretch.step),4), round(e.likelier_than(linear))) for e in singles+doubles])
     beyond = max(linear.cost - linear.left.size, 0.0)
-    if one.likelier_than(linear) < DECISIVE or linear.cost - one.cost < LEAST_GAIN * beyond:
+    if best.likelier_than(linear) < DECISIVE or linear.cost - best.cost < LEAST_SHARE * beyond:
         return None
-    return Limits(float(one.servos.limit("speed")[0]), float(one.servos.limit("acceleration")[0]))
+    return Limits(float(best.servos.limit("speed")[0]), float(best.servos.limit("acceleration")[0]))
+
+
+def least(explanations: Iterable[Explanation]) -> Explanation:
+    """Return the explanation that leaves the least."""
+    return min(explanations, key=lambda explanation: explanation.cost)
+
+
+def first_cost(servos: Servos, stretch: Stretch) -> float:
+    """Return the sum of squares that the first servo leaves, before its refinement, of every few rows."""
+    coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
+    first = replace(servos, numbers=servos.numbers[:1])
+    made = late(motion_of(first, coarse), coarse, first.numbers[:, 1])
+    return float(squares(left_of(made, coarse))[0])
+
+
+def with_both(explanation: Explanation, stretch: Stretch) -> Servos:
+    """Return the servo of an explanation with one limit, with several limits of the other name as well."""
+    servos = explanation.servos
+    speeds = speeds_of(servos, stretch.told, stretch.step)
+    (limited,) = servos.kind.limited
+    other = NAMES[1 - NAMES.index(limited)]
+    greatest = np.abs(speeds).max() if other == "speed" else np.abs(np.diff(speeds, axis=0)).max() / stretch.step
+    others = np.log(np.array(FIRST_LIMITS) * greatest)[:, None]
+    numbers = np.hstack([np.repeat(servos.numbers, len(others), axis=0), others])
+    return Servos(replace(servos.kind, limited=(limited, other)), numbers)
 
 
 def force_limit_of(fit: Fit) -> float | None:
