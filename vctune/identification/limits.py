@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import product
-from math import ceil, exp, inf, log, sqrt
+from math import ceil, inf, log, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,7 @@ LONGEST_STEP = 0.4  # Greatest change of a logarithm
 LEAST_DAMPING, FIRST_DAMPING = 1e-4, 1e-2  # Marquardt's
 DECISIVE = 50.0  # Gain in -2 log likelihood, for independent residuals, that shows a limit
 PROMISING = 10.0  # The same, of one limit, with which two limits are tried
+SECOND_LEAVES = 0.1  # Greatest share of what one limit leaves beyond the noise that a second limit leaves
 LEAST_SHARE = 0.25  # Of the squared residual beyond the noise, which a limit explains
 DECISIVE_FORCE = 0.5  # Greatest ratio of the residuals with and without a limit of the force
 FORCES = (0.95, 0.85, 0.7, 0.55, 0.4, 0.3)  # First limits of a force, as shares of the greatest command
@@ -85,7 +85,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Servos:
-    """Servos of one kind, a row each: logarithm of the lag in s, delay in steps, logarithms of the limits in SI units."""
+    """Servos of one kind, a row each: log of the lag in s, delay in steps, logs of the limits in SI units."""
 
     kind: Kind
     numbers: Floats  # shape (servos, 2 + limits)
@@ -120,8 +120,8 @@ def rate_limited(goals: Floats, most: Floats) -> Floats:
 def over_a_step(order: int, lags: Floats, step: float) -> tuple[Floats, Floats]:
     """Return what speed error and acceleration at the start of a step add to speed and acceleration, each (2, servos).
 
-    The speed error is the speed less the command, which is held. Order 1: v' = (u - v) / lag. Order 2: v'' = w^2 (u - v)
-    - sqrt(2) w v', w = sqrt(2) / lag.
+    The speed error is the speed less the command, which is held. Order 1: v' = (u - v) / lag. Order 2:
+    v'' = w^2 (u - v) - sqrt(2) w v', w = sqrt(2) / lag.
     """
     if order == 1:
         nothing = np.zeros_like(lags)
@@ -276,7 +276,9 @@ def refined(servos: Servos, stretch: Stretch) -> tuple[Servos, Floats]:
         flat, table = left.reshape(len(numbers), -1), slopes.reshape(len(numbers), count, -1)
         normal, pull = table @ table.transpose(0, 2, 1), np.einsum("ijk,ik->ij", table, flat)
         size = np.einsum("ijj->ij", normal)
-        damped = normal + np.eye(count) * (size * damping[:, None] + 1e-12 * size.max(axis=1)[:, None] + 1e-300)[:, None]
+        damped = (
+            normal + np.eye(count) * (size * damping[:, None] + 1e-12 * size.max(axis=1)[:, None] + 1e-300)[:, None]
+        )
         change = -np.linalg.solve(damped, pull[:, :, None])[:, :, 0]
         longest = np.full(count, LONGEST_STEP)
         longest[1] = inf
@@ -290,7 +292,7 @@ def refined(servos: Servos, stretch: Stretch) -> tuple[Servos, Floats]:
 
 
 def _slopes(servos: Servos, stretch: Stretch) -> tuple[Floats, Floats]:
-    """Return what servos leave, shape (servos, segments, rows), and its slopes by their numbers, (servos, numbers, ...)."""
+    """Return what servos leave, shape (servos, segments, rows), and its slopes, (servos, numbers, segments, rows)."""
     numbers = servos.numbers
     count, kinds = numbers.shape
     moved = [numbers + LEAST_STEP * (np.arange(kinds) == which) for which in range(kinds) if which != 1]
@@ -319,36 +321,49 @@ def stretch_of(fit: Fit) -> Stretch:
     return replace(stretch, measured=stretch.centred(stretch.measured))
 
 
-def first_servos(kind: Kind, stretch: Stretch, latency: float) -> Servos:
-    """Return servos of a kind from a grid of lags and limits, each with the best of some delays."""
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Servos of one kind from which a refinement starts, the best first."""
+
+    servos: Servos
+    cost: float  # sum of squares that the first leaves, of every few rows
+
+    @property
+    def limited(self) -> tuple[str, ...]:
+        """The names of the limits."""
+        return self.servos.kind.limited
+
+
+def grid_of(kind: Kind, stretch: Stretch, latency: float) -> Grid:
+    """Return servos of a kind from a grid of lags and limits, each with the best of some delays.
+
+    The lags are shares of the latency of the linear fit, s; the limits are shares of the greatest speed or acceleration
+    that the servo with this lag would have without them.
+    """
     coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
     lags = [max(share * latency, 0.5 * stretch.step) for share in FIRST_LAGS]
     unlimited = Servos(Kind(kind.order, Place.COMMAND, ()), np.log([[lag, 1.0] for lag in lags]))
     speeds = speeds_of(unlimited, stretch.told, stretch.step)
-    greatest = {
-        "speed": np.abs(speeds).max(axis=0),
-        "acceleration": np.abs(np.diff(speeds, axis=0)).max(axis=0) / stretch.step,
-    }
+    greatest = {name: greatest_of(speeds, name, stretch.step) for name in kind.limited}
     numbers = np.array(
         [
-            [log(lag), 0.0, *(log(share * greatest[name][place]) for name, share in zip(kind.limited, shares, strict=True))]
-            for place, lag in enumerate(lags)
-            for shares in product(FIRST_LIMITS, repeat=len(kind.limited))
+            [log(lag), 0.0, *(log(share * greatest[name][row]) for name in kind.limited)]
+            for row, lag in enumerate(lags)
+            for share in (FIRST_LIMITS if kind.limited else (1.0,))
         ]
     )
     motion = motion_of(Servos(kind, numbers), coarse)
-    costs = np.array(
-        [
-            squares(left_of(late(motion, coarse, np.full(len(numbers), delay)), coarse))
-            for delay in _first_delays(stretch, latency)
-        ]
-    )
-    numbers[:, 1] = _first_delays(stretch, latency)[np.argmin(costs, axis=0)]
-    return Servos(kind, numbers[np.argsort(costs.min(axis=0))])
+    delays = np.linspace(0.0, 1.25 * latency / stretch.step + 2, FIRST_DELAYS)
+    costs = np.array([squares(left_of(late(motion, coarse, np.full(len(numbers), delay)), coarse)) for delay in delays])
+    numbers[:, 1] = delays[np.argmin(costs, axis=0)]
+    best_first = np.argsort(costs.min(axis=0))
+    return Grid(Servos(kind, numbers[best_first]), float(costs.min()))
 
 
-def _first_delays(stretch: Stretch, latency: float) -> Floats:
-    return np.linspace(0.0, 1.25 * latency / stretch.step + 2, FIRST_DELAYS)
+def greatest_of(speeds: Floats, name: str, step: float) -> Floats:
+    """Return the greatest speed or acceleration, by its name, of speeds of shape (steps, servos)."""
+    values = speeds if name == "speed" else np.diff(speeds, axis=0) / step
+    return np.asarray(np.abs(values).max(axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,44 +403,38 @@ def limits_of(fit: Fit, *, told_position: bool) -> Limits | None:
     """
     stretch = stretch_of(fit)
     latency = max(fit.known["delay"] + fit.known["lag"], fit.task.drive.T)
-    linear = least(
-        best_of(first_servos(Kind(order, Place.COMMAND, ()), stretch, latency), stretch, BEGUN) for order in (1, 2)
-    )
+    unlimited = [grid_of(Kind(order, Place.COMMAND, ()), stretch, latency) for order in (1, 2)]
+    linear = least(best_of(grid.servos, stretch, BEGUN) for grid in unlimited)
     places = [place for place in Place if told_position or place is not Place.LOOP]
-    grids = [first_servos(Kind(*kind, (name,)), stretch, latency) for *kind, name in product((1, 2), places, NAMES)]
-    grids.sort(key=lambda servos: first_cost(servos, stretch))
-    likely = [grid for name in NAMES for grid in [each for each in grids if each.kind.limited == (name,)][:LIKELY]]
-    singles = [best_of(servos, stretch, BEGUN) for servos in likely]
-    one = least(singles)
+    kinds = [Kind(order, place, (name,)) for order in (1, 2) for place in places for name in NAMES]
+    grids = sorted((grid_of(kind, stretch, latency) for kind in kinds), key=lambda grid: grid.cost)
+    best_of_name = list[Explanation]()
+    for name in NAMES:
+        likely = [grid for grid in grids if grid.limited == (name,)][:LIKELY]
+        best_of_name.append(least(best_of(grid.servos, stretch, BEGUN) for grid in likely))
+    one = least(best_of_name)
     if one.likelier_than(linear) < PROMISING:
         return None
-    doubles = [
-        best_of(with_both(least(each for each in singles if each.servos.kind.limited == (name,)), stretch), stretch, len(FIRST_LIMITS))
-        for name in NAMES
-    ]
-    both = least(doubles)
-    best = both if both.likelier_than(one) > DECISIVE else one
-    import os
-    if os.environ.get("DBG"):
-        n = one.left.size
-        print("  DBG lin", linear.servos.kind.order, linear.cost/n, "fit", fit.size**2, [(e.servos.kind.order, e.servos.kind.place.value, e.servos.kind.limited[0][:3], round(e.cost/n, 3), np.round(np.exp(e.servos.numbers[0,[0,*range(2,e.servos.numbers.shape[1])]]),4).tolist(), round(float(e.servos.numbers[0,1]*stretch.step),4), round(e.likelier_than(linear))) for e in singles+doubles])
-    beyond = max(linear.cost - linear.left.size, 0.0)
-    if best.likelier_than(linear) < DECISIVE or linear.cost - best.cost < LEAST_SHARE * beyond:
+    both = least(best_of(with_both(single, stretch), stretch, len(FIRST_LIMITS)) for single in best_of_name)
+    noise = linear.left.size
+    one_is_enough = shows_a_limit(one, linear) and both.cost - noise > SECOND_LEAVES * (one.cost - noise)
+    best = one if one_is_enough else both
+    if not shows_a_limit(best, linear):
         return None
-    return Limits(float(best.servos.limit("speed")[0]), float(best.servos.limit("acceleration")[0]))
+    servos = best.servos
+    return Limits(float(servos.limit("speed")[0]), float(servos.limit("acceleration")[0]))
+
+
+def shows_a_limit(limited: Explanation, linear: Explanation) -> bool:
+    """Return whether a servo with limits explains a motion decisively better than the best linear one."""
+    beyond = max(linear.cost - linear.left.size, 0.0)
+    explained = linear.cost - limited.cost
+    return limited.likelier_than(linear) > DECISIVE and explained > LEAST_SHARE * beyond
 
 
 def least(explanations: Iterable[Explanation]) -> Explanation:
     """Return the explanation that leaves the least."""
     return min(explanations, key=lambda explanation: explanation.cost)
-
-
-def first_cost(servos: Servos, stretch: Stretch) -> float:
-    """Return the sum of squares that the first servo leaves, before its refinement, of every few rows."""
-    coarse = stretch.every(ceil(stretch.rows.size / COMPARED))
-    first = replace(servos, numbers=servos.numbers[:1])
-    made = late(motion_of(first, coarse), coarse, first.numbers[:, 1])
-    return float(squares(left_of(made, coarse))[0])
 
 
 def with_both(explanation: Explanation, stretch: Stretch) -> Servos:
@@ -434,8 +443,7 @@ def with_both(explanation: Explanation, stretch: Stretch) -> Servos:
     speeds = speeds_of(servos, stretch.told, stretch.step)
     (limited,) = servos.kind.limited
     other = NAMES[1 - NAMES.index(limited)]
-    greatest = np.abs(speeds).max() if other == "speed" else np.abs(np.diff(speeds, axis=0)).max() / stretch.step
-    others = np.log(np.array(FIRST_LIMITS) * greatest)[:, None]
+    others = np.log(np.array(FIRST_LIMITS) * greatest_of(speeds, other, stretch.step))[:, None]
     numbers = np.hstack([np.repeat(servos.numbers, len(others), axis=0), others])
     return Servos(replace(servos.kind, limited=(limited, other)), numbers)
 
