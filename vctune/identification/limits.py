@@ -17,14 +17,14 @@ from vctune.identification.search import starts_of
 from vctune.identification.stepped import LAGS
 
 LONGEST = 4000  # Rows that are compared
-STEPS, MOST_PARTS = 8000, 8  # Steps of a motion, and most of them in a row
+STEPS, MOST_PARTS = 6000, 8  # Steps of a motion, and most of them in a row
 SEGMENTS = 16  # Of the compared rows; the position at the start of each is free
 COMPARED = 1500  # Rows that choose among the first servos
 FIRST_LAGS = (0.03, 0.1, 0.2, 0.4, 0.7, 1.0)  # As shares of the latency that the linear fit has
 FIRST_LIMITS = (0.12, 0.2, 0.32, 0.5, 0.65, 0.8, 0.93)  # As shares of the greatest value of the unlimited servo
 FIRST_DELAYS = 30  # From none to a quarter more than the latency
 NAMES = ("speed", "acceleration")
-LIKELY, BEGUN, REFINEMENTS = 3, 2, 8  # Kinds with each limit that are refined, servos of each, and Gauss-Newton steps
+LIKELY, BEGUN, REFINEMENTS = 4, 3, 8  # Kinds with each limit that are refined, servos of each, and Gauss-Newton steps
 LEAST_STEP = 1e-3  # Of a logarithm and, in steps of the motion, of a delay, for slopes
 LONGEST_STEP = 0.4  # Greatest change of a logarithm
 LEAST_DAMPING, FIRST_DAMPING = 1e-4, 1e-2  # Marquardt's
@@ -417,8 +417,9 @@ def limits_of(fit: Fit, *, told_position: bool) -> Limits | None:
         return None
     both = least(best_of(with_both(single, stretch), stretch, len(FIRST_LIMITS)) for single in best_of_name)
     noise = linear.left.size
-    one_is_enough = shows_a_limit(one, linear) and both.cost - noise > SECOND_LEAVES * (one.cost - noise)
-    best = one if one_is_enough else both
+    explains_the_rest = both.cost - noise < SECOND_LEAVES * max(one.cost - noise, 0.0)
+    second_is_there = explains_the_rest and both.likelier_than(one) > DECISIVE
+    best = both if second_is_there or not shows_a_limit(one, linear) else one
     if not shows_a_limit(best, linear):
         return None
     servos = best.servos
