@@ -164,3 +164,64 @@ def limited_case(seed, *, speed=np.inf, acceleration=np.inf, T=4e-3, n=3000, par
     position = 1e-6 * np.floor(np.array(positions) / 1e-6 + 0.5)
     columns = {"time_s": np.arange(n) * T, "velocity_command_m_s": told, "position_m": position}
     return ServoCase(T, late * h, bandwidth, 1, "velocity", "limited", 0.0, columns)
+
+
+def mildly_limited_case(seed, *, limited, n=900) -> ServoCase:
+    """Return a robot of either order with a limit at 30 to 90 % of the greatest value that it would have without; none
+    if `limited` is None.
+
+    The limit of acceleration bounds the change of the command, of the low-pass's own speed, or of the speed that leaves
+    it.
+    """
+    random = np.random.default_rng(seed)
+    T, order = float(random.choice([2e-3, 4e-3, 8e-3, 0.02])), int(random.integers(1, 3))
+    bandwidth = float(np.exp(random.uniform(np.log(2.0), np.log(min(60.0, 0.3 / T)))))
+    place, share = str(random.choice(["command", "servo", "motion"])), float(random.uniform(0.3, 0.9))
+    f = np.fft.rfftfreq(n, T)
+    smooth = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * np.exp(-((f / 2.5) ** 2)) * (f > 0), n)
+    steps = np.repeat(random.uniform(-1, 1, n // 40 + 1), 40)[:n]
+    told = smooth if random.uniform() < 0.5 else steps
+    told = 0.3 * told / np.abs(told).max()
+    command = str(random.choice(["velocity", "position"]))
+    w, parts = 2 * pi * bandwidth, 8 * int(np.ceil(2 * pi * bandwidth * T + 1))
+    h = T / parts
+    late = round(float(random.uniform(5e-3, 0.06)) / h)
+    path = np.concatenate([[0.0], np.cumsum(told[:-1]) * T])
+    acts = told if command == "velocity" else np.diff(path, prepend=0.0) / T
+    goals = np.concatenate([np.full(late, acts[0]), np.repeat(acts, parts)])[: n * parts]
+    free = limited_motion(goals, h, w, order, place, np.inf, np.inf)
+    speed = share * np.abs(free).max() if limited == "speed" else np.inf
+    acceleration = share * np.abs(np.diff(free)).max() / h if limited == "acceleration" else np.inf
+    speeds = limited_motion(goals, h, w, order, place, speed, acceleration)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * h * (speeds[1:] + speeds[:-1]))])[::parts]
+    position = 1e-5 * np.floor((way + 2e-5 * random.normal(size=n)) / 1e-5 + 0.5)
+    header, sent = ("velocity_command_m_s", told) if command == "velocity" else ("position_command_m", path)
+    columns = {"time_s": np.arange(n) * T, header: sent, "position_m": position}
+    return ServoCase(T, late * h, bandwidth, order, command, "mild", 0.0, columns)
+
+
+def limited_motion(goals, h, w, order, place, speed, acceleration):
+    """Return the speed at the starts of steps of h s of a low-pass of speeds that are held in a step."""
+    a = w / sqrt(2)
+    decay, cosine, sine, lead = np.exp(-a * h), np.cos(a * h), np.sin(a * h), 1 - np.exp(-w * h)
+
+    def clipped(value, most):
+        return min(max(value, -most), most)
+
+    told = v = out = clipped(goals[0], speed)
+    slope, speeds = 0.0, []
+    for goal in goals.tolist():
+        speeds.append(out)
+        if place == "command":
+            told += clipped(clipped(goal, speed) - told, acceleration * h)
+        else:
+            told = goal
+        off = v - told
+        change = -lead * off if order == 1 else (decay * (cosine + sine) - 1) * off + decay * sine / a * slope
+        slope = decay * (-2 * a * sine * off + (cosine - sine) * slope)
+        if place == "servo":
+            v = clipped(v + clipped(change, acceleration * h), speed)
+        else:
+            v += change
+        out = out + clipped(clipped(v, speed) - out, acceleration * h) if place == "motion" else v
+    return np.array(speeds)

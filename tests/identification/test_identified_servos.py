@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ import pytest
 from command import run
 from conftest import drawn, mostly_slow
 from jsonschema import Draft202012Validator
-from servo_logs import limited_case, moved, robot_case, servo_case
+from servo_logs import limited_case, mildly_limited_case, moved, robot_case, servo_case
 
 from vctune import check, identify, problem, solve
 from vctune.api.json_schemas import SCHEMAS
@@ -344,6 +344,39 @@ def test_a_robot_at_a_limit_is_refused_with_its_value(tmp_path, seed, limits, wo
 
 def test_a_robot_below_its_limits_is_not(tmp_path):
     assert trial(limited_case(1, speed=1.2, acceleration=1.2), tmp_path).inside
+
+
+def told_limits(case, folder):
+    """Return the words of the limits with which a log is refused, and whether its box holds the truth if it is not."""
+    try:
+        found = identify(case.write(folder), servo=True).found
+    except InputError as error:
+        return re.findall(r"in (speed|acceleration), at about", str(error)), False
+    delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
+    inside = delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
+    return [], inside
+
+
+@pytest.mark.parametrize("limited", ["speed", "acceleration"])
+def test_a_mild_limit_of_a_servo_of_either_order_is_told_or_does_no_harm(tmp_path, limited):
+    """At 30 to 90 % of the greatest value: refused with the right word, or the box holds the truth."""
+    right, harmless, seeds = 0, 0, range(drawn(30) // 3)
+    for seed in seeds:
+        words, inside = told_limits(mildly_limited_case(seed, limited=limited), tmp_path)
+        right += words == [limited]
+        harmless += inside
+    assert right + harmless == len(seeds) and right >= 0.8 * len(seeds)
+
+
+def test_a_robot_without_a_limit_is_refused_for_none(tmp_path):
+    """Nor one whose link jitters, or that moves less far than it is told."""
+    for seed in range(max(drawn(12) // 3, 1)):
+        case = mildly_limited_case(seed, limited=None)
+        shorter = {"position_m": 0.9 * case.columns["position_m"]}
+        assert told_limits(case, tmp_path)[0] == []
+        assert told_limits(replace(case, columns=case.columns | shorter), tmp_path)[0] == []
+        hasty = servo_case(seed, n=900, **(SERVO | {"jitter": 0.6}))
+        assert told_limits(hasty, tmp_path)[0] == []
 
 
 def test_swapped_columns_of_a_robot_are_named(tmp_path):

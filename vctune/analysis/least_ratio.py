@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from vctune.analysis.before_wall import worst_before_wall
 from vctune.analysis.in_hands import (
     RatioInAnyHand,
     RatioInHand,
@@ -13,7 +14,6 @@ from vctune.analysis.in_hands import (
     least_ratios_of_devices,
 )
 from vctune.analysis.multiples import least_ratio_in_worlds, least_ratio_with_walls
-from vctune.analysis.worst_hand import worst_before_wall
 from vctune.model.demands import Demands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.analysis.before_wall import worst_before_wall
 from vctune.analysis.extrema import Floats, last_to_hold, with_resonance
 from vctune.analysis.hardest_hands import needs_in_hands, rooms_at_walls
 from vctune.analysis.in_hands import RatioInHand
@@ -21,7 +22,7 @@ from vctune.analysis.worst_hand import ANGLES, WORST, Place, first_hands, suspec
 from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.hands import Hand, Hands, hands_as_one
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand, met_in_hand, seen_in_hand
@@ -34,6 +35,7 @@ from vctune.running import check_time
 ENDLESS = 1e100  # in place of an infinite multiple
 TURNS, PER_TURN = 6, 16  # of the angles beside the turns of a delay, and number of angles in each
 ROUNDING = 1e-9  # relative, where lines cross
+LEAST_RESISTANCE = 1e-9  # Least Re Z_c that is told from 0, over |Im Z_c|
 # Step between shares of the coupling that are tried for the condition of walls, the least of them, and halvings
 WALL_STEP, LEAST_SHARE, HALVINGS = 1.05, 1e-3, 12
 
@@ -69,6 +71,12 @@ def suspects(design: Design, demands: Demands, devices: Sequence[Device]) -> Ite
 
     It is what `vctune.proof.certificate.certify` asks for.
     """
+    if demands.hands is not None and demands.rigid and isinstance(design.coupling, SpringDamper):
+        for device in devices:
+            wall = worst_before_wall(device, design.coupling, demands.hands)
+            if wall.value < demands.factor:
+                yield Suspect(device, wall.hand, (wall.theta, wall.theta))
+        return
     yield from suspects_of_nominal(design, demands, devices)
     if demands.worlds is None or demands.hands is None:
         return
@@ -137,7 +145,9 @@ class LoopsInWorlds:
         # y Im Z_c at which the reactance leaves the box, at its heaviest and at its stiffest environment
         most = np.full_like(self.held, -inf) if heavy == inf else self.held - heavy * u + soft / u
         least = np.full_like(self.held, inf) if stiff == inf else self.held - light * u + stiff / u
-        real, loss = np.asarray(at.resistance), self.lost - float(low.damping)
+        # A rigid coupling without drag has no resistance; a little keeps the quotient by it finite
+        real = np.maximum(np.asarray(at.resistance), LEAST_RESISTANCE * np.abs(own))
+        loss = self.lost - float(low.damping)
 
         def within(sides: Floats | float, front: Floats | float) -> _Failing:
             """Return the multiples within the box, its sides and its front moved outwards."""

@@ -4,7 +4,7 @@ look, and how far a coupling is from its limit. What is smooth in the hand is cl
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from math import inf, pi
 from typing import NamedTuple
@@ -12,24 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.extrema import Floats, local_minima
-from vctune.analysis.margins import roots
+from vctune.analysis.extrema import Floats
 from vctune.model.demands import Demands
 from vctune.model.design import Design
 from vctune.model.device import Device
-from vctune.model.gains import SpringDamper
 from vctune.model.hands import Hand, Hands, hands_as_one
-from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.hand_loop import loop_in_hand
-from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.loop_in_worlds import real_at_nyquist
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.cases import case_at
 from vctune.proof.claims.claim import Suspect
 from vctune.proof.claims.worlds import margins_in_worlds, sums
 from vctune.running import check_time
 
-Complex = NDArray[np.complex128]
 ZOOMS = 14  # rounds of hands that are tried, each around the worst of the last and half as far apart
 COARSE, BESIDE = 4, np.linspace(0.97, 1.03, 200)  # rounds over all angles; then those beside the last crossing
 ANGLES = np.geomspace(1e-5, pi, 800)  # rad
@@ -77,14 +70,9 @@ def _around(hands: Hands, middle: Hand, width: float) -> list[Hand]:
 
 
 def suspects_of_nominal(design: Design, demands: Demands, devices: Sequence[Device]) -> Iterator[Suspect]:
-    """Yield hands of the box in which a pole seems to be on the unit circle, or outside it before a wall."""
+    """Yield hands of the box in which a pole seems to be on the unit circle."""
     assert demands.hands is not None
-    if demands.rigid and isinstance(design.coupling, SpringDamper):
-        for device in devices:
-            worst = worst_before_wall(device, design.coupling, demands.hands)
-            if worst.value < demands.factor:
-                yield Suspect(device, worst.hand, (worst.theta, worst.theta))
-    elif demands.worlds is not None and demands.worlds.corner is None:
+    if demands.worlds is not None and demands.worlds.corner is None:
         for device in devices:
             yield from _crossings(replace(design, device=device.undisturbed), demands, device)
 
@@ -127,77 +115,3 @@ def _lost(design: Design, demands: Demands, hands: list[Hand], angles: Floats) -
         there[:, -1] = np.minimum(there[:, -1], resistive[:, -1])
     places = there.argmin(axis=1)
     return there[np.arange(len(hands)), places], places
-
-
-def worst_before_wall(device: Device, wall: SpringDamper, hands: Hands) -> Place:
-    """Return the least multiple of a wall that puts a pole on the unit circle in a hand of a box, inf if none does."""
-
-    def worst_of(near: list[Hand], angles: Floats, best: Place) -> Place:
-        ratios, places = LoopsBeforeWall.of(device, near, angles).limits(wall)
-        least = int(np.argmin(ratios))
-        found = Place(float(ratios[least]), float(places[least]), near[least])
-        return found if found.value < best.value else best
-
-    tried = first_hands(hands)
-    ratios, places = LoopsBeforeWall.of(device, tried, ANGLES).limits(wall)
-    starts = [Place(float(ratios[n]), float(places[n]), tried[n]) for n in np.argsort(ratios)[:WORST]]
-    return min((zoomed(worst_of, hands, start) for start in starts), key=lambda each: each.value)
-
-
-class LoopOfWall(NamedTuple):
-    """The loop that a wall closes in one hand, L = Z_c times the response to the motor's force."""
-
-    peak: float  # greatest |S| = 1/|1 + L|
-    omega: float  # where, rad/s
-    phase: float  # least phase shift of L, rad, to instability; inf where |L| < 1
-
-
-@np.errstate(all="ignore")
-def loop_of_wall(device: Device, wall: SpringDamper, hand: Hand) -> LoopOfWall:
-    """Return the peak of |S| and the phase margin of the loop that a wall closes."""
-
-    def gain(theta: Floats) -> Complex:
-        loop = LoopsBeforeWall.of(device, [hand], theta.ravel())
-        L = (wall.damping * loop.velocity + wall.stiffness * loop.position) / loop.open
-        return np.asarray(L[0]).reshape(theta.shape)
-
-    quiet = local_minima(lambda theta: np.abs(1 + gain(theta)), ANGLES)
-    crossing = gain(roots(lambda theta: np.log(np.abs(gain(theta))), ANGLES))
-    phase = float(np.abs(np.pi - np.abs(np.angle(crossing))).min(initial=np.inf))
-    return LoopOfWall(1 / float(quiet.value[0]), float(quiet.omega[0]) / device.sample_time, phase)
-
-
-@dataclass(frozen=True, slots=True)
-class LoopsBeforeWall:
-    """The loop of an impedance display in some hands at some angles: F = open + b_c velocity + k_c position."""
-
-    angles: Floats  # rad, shape (n,)
-    open: Complex  # shape (hands, n)
-    velocity: Complex
-    position: Complex
-
-    @classmethod
-    def of(cls, device: Device, hands: list[Hand], angles: Floats) -> LoopsBeforeWall:
-        """Return the loop of a device."""
-        check_time()
-        loop = loop_in_hand(
-            plant_in_hand(device, hands_as_one(hands, (-1, 1)), delays_of(device), FLOATS), angles, FLOATS
-        )
-        assert isinstance(loop, ForceInHand)
-        parts = (loop.open, loop.velocity, loop.position)
-        values = (np.asarray(part.even + 1j * np.sin(angles / 2) * part.odd) for part in parts)
-        return cls(angles, *(np.broadcast_to(value, (len(hands), angles.size)) for value in values))
-
-    @np.errstate(all="ignore")
-    def limits(self, wall: SpringDamper) -> tuple[Floats, Floats]:
-        """Return the least multiple of a wall that puts a pole on the circle in each hand, and its angle."""
-        multiple = -self.open / (wall.damping * self.velocity + wall.stiffness * self.position)
-        real, imag = multiple.real, multiple.imag
-        share = np.clip(imag[:, :-1] / (imag[:, :-1] - imag[:, 1:]), 0.0, 1.0)
-        there = real[:, :-1] + share * (real[:, 1:] - real[:, :-1])
-        crossed = ((imag[:, :-1] < 0) != (imag[:, 1:] < 0)) & (there > 0)
-        there = np.where(crossed, there, np.inf)
-        if self.angles[-1] == pi:  # where F is real
-            there[:, -1] = np.where(real[:, -1] > 0, np.minimum(there[:, -1], real[:, -1]), there[:, -1])
-        least, at = np.argmin(there, axis=1), np.arange(len(there))
-        return there[at, least], self.angles[least] + share[at, least] * (self.angles[least + 1] - self.angles[least])

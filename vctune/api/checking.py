@@ -39,6 +39,8 @@ CODES = {
     CheckVerdict.BAD_INPUT: ExitCode.BAD_INPUT,
 }
 
+WORST_LAST = (CheckVerdict.PASSED, CheckVerdict.UNDECIDED, CheckVerdict.FAILED, CheckVerdict.BAD_INPUT)
+
 Progress = Callable[[str], None]
 Work = Callable[[Progress], list[Checked]]
 
@@ -57,8 +59,9 @@ def check(
     problem : ProblemSource
         Path of a problem file, its tables as a dict, or the problem.
     gains : DesignSource, optional
-        Gains, SI units, together with `coupling`; or a gains file or its path; None with the coupling of a
-        servo, which has no gains, or if the problem fixes all.
+        Gains, SI units, together with `coupling`; or a gains file or its path; or the path of a file of parameters of
+        ROS 2's admittance_controller; None with the coupling of a servo, which has no gains, or if the problem fixes
+        all.
     coupling : AnyCoupling, optional
         Coupling of the design, SI units; a `SpringDamper` for an impedance display.
     time_limit : float
@@ -68,7 +71,8 @@ def check(
     -------
     Checked
         `result` is the verdict, `message` one line of text, `warnings` the probable mistakes; `finding` has the
-        `judgement` with the verdicts on the claims, and the `repairs` of a violated design.
+        `judgement` with the verdicts on the claims, and the `repairs` of a violated design. Of a file of ROS 2, the
+        check of the axes with the worst verdict.
 
     Raises
     ------
@@ -77,6 +81,9 @@ def check(
     """
     with limited(time_limit):
         file = problem_of(problem)
+        if isinstance(gains, str | Path) and is_admittance(Path(gains)):
+            checks = _parameters([file], Path(gains), lambda stage: None)
+            return max(checks, key=lambda checked: WORST_LAST.index(checked.verdict))
         stated = gains is not None or coupling is not None
         design = design_of(gains, coupling, file.problem.device.kind) if stated else None
         return check_problem(file, design)

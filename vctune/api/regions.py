@@ -12,10 +12,12 @@ from typing import Any
 from vctune.api.argument_ranges import RESOLUTIONS
 from vctune.api.result import Files, Printed, code_of
 from vctune.design.judging.judge import Status
+from vctune.design.judging.kicked import buzz_of, ringing_of
+from vctune.design.prepared import pose
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve
-from vctune.design.variables import keys_for
+from vctune.design.variables import design_of, keys_for
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
@@ -26,9 +28,10 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling
 from vctune.model.problem import Problem
+from vctune.model.rest import read_in_steps
 from vctune.running import out_of_time, seconds_left, unlimited
 from vctune.running import time_limit as limited
-from vctune.study.plane import plane, plane_errors
+from vctune.study.plane import Plane, plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_check import GivenDesign, region_record
@@ -91,7 +94,7 @@ class AdmissibleGains:
         x, y = (keys[axis] for axis in self.region.plane.axes)
         lines.append(f"of the plane {x} by {y}")
         if self.measured:
-            lines.append(agreement(self.region, self.measured))
+            lines.append(agreement(self.file.problem, self.region, self.measured))
         yield from ((line,) for line in lines)
 
     def files(self, folder: Path) -> Files:
@@ -179,20 +182,38 @@ def region(
             return AdmissibleGains(file, cells, solved, design, late, tuple(measured))
 
 
-def agreement(region: Region, points: Sequence[MeasuredPoint]) -> str:
-    """Return how many measured points agree with the cells around them, and which do not."""
-    against, (x, y), (a, b, c, d) = list[str](), region.plane.edges, region.squares
+def agreement(problem: Problem, region: Region, points: Sequence[MeasuredPoint]) -> str:
+    """Return how many measured points agree with the cells around them, and which do not and why."""
+    against, buzzing, (x, y), (a, b, c, d) = list[str](), list[str](), region.plane.edges, region.squares
     for point in points:
         around = (x[a] <= point.x) & (point.x <= x[b]) & (y[c] <= point.y) & (point.y <= y[d])
         if not point.stable and (region.kinds[around] == Kind.FEASIBLE).any():
-            against.append(f"({point.x:g}, {point.y:g})")
+            (buzzing if _buzzes(problem, region.plane, point) else against).append(f"({point.x:g}, {point.y:g})")
     stable = sum(point.stable for point in points)
     counted = f"measured     {stable} stable, {len(points) - stable} unstable"
     outside = sum(not (x[0] <= point.x <= x[-1] and y[0] <= point.y <= y[-1]) for point in points)
     counted += f", of which {outside} outside the plane" if outside else ""
-    if not against:
+    if not against and not buzzing:
         return f"{counted}; no unstable one is in a feasible cell"
-    return f"{counted}; unstable in a feasible cell: {', '.join(against)}: the device is not the one of the file"
+    if buzzing:
+        counted += f"; in a feasible cell and buzzing, as simulated: {', '.join(buzzing)}"
+    if against:
+        counted += f"; unstable in a feasible cell: {', '.join(against)}: the device is not the one of the file"
+        stated = problem.device.friction is not None and read_in_steps(problem.device) is not None
+        counted += (
+            "" if stated else ", or its friction or the steps of its encoder, which the file does not state, buzz"
+        )
+    return counted
+
+
+def _buzzes(problem: Problem, plane: Plane, point: MeasuredPoint) -> bool:
+    """Return whether some kick keeps the design at a point moving; False where the point is no whole design."""
+    values = dict(zip(plane.axes, (point.x, point.y), strict=True))
+    if any(axis not in values and not bounds.fixed for axis, bounds in enumerate(plane.ranges)):
+        return False
+    gains, coupling = design_of(tuple(values.get(axis, bounds.min) for axis, bounds in enumerate(plane.ranges)))
+    kicked = buzz_of(problem, ringing_of(pose(problem), problem.device, gains, coupling), gains, coupling)
+    return kicked is not None and kicked.moving > 0
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from shlex import quote
@@ -12,8 +12,10 @@ from typing import Any
 
 from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.api.result import DESIGN_FILE, GAINS_FILE, Files, Line, Printed, Table, code_of, write
-from vctune.design.advice.prices import with_prices
-from vctune.design.advice.repair import with_repairs
+from vctune.design.advice.division import DIVISION, with_known_division
+from vctune.design.advice.prices import PRICES, with_prices
+from vctune.design.advice.relaxations import RELAXATIONS, with_relaxations
+from vctune.design.advice.repair import REPAIRS, with_repairs
 from vctune.design.judging.judge import Status
 from vctune.design.records.design import DesignRecord, design_of, read_design, record_of
 from vctune.design.result import Repair, Solved
@@ -35,6 +37,7 @@ from vctune.running import time_limit as limited
 from vctune.simulation.simulation_record import FILE as SIMULATION_FILE
 from vctune.simulation.simulation_record import SimulationRecord, read_simulation
 
+AFTERWARDS = {REPAIRS, RELAXATIONS, DIVISION, PRICES}  # Stages that a proved design does not wait for
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
@@ -76,13 +79,28 @@ def solve(
         If the problem is invalid; if the gap is out of range; or if vctune cannot bound the error from below.
     """
     file = problem_of(problem)
+    with limited(time_limit):
+        return advised(file, proved(file, gap=gap, progress=progress), prices=prices, progress=progress)
+
+
+def proved(file: ProblemFile, *, gap: float | None = None, progress: Progress = lambda stage: None) -> Solved:
+    """Find and prove the best design, without advice."""
     if gap is not None:
         require_gap(gap)
         require_bounded(file)
-    with limited(time_limit):
-        solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
-        progress(f"pricing the device; {solved.known}")
-        return with_prices(solved) if prices else solved
+    return find(file.problem, progress, gap=gap)
+
+
+def advised(
+    file: ProblemFile, solved: Solved, *, prices: bool = False, progress: Progress = lambda stage: None
+) -> Solved:
+    """Return a solved problem with repairs of a refuted design, relaxations for one of little use, and prices."""
+    solved = with_relaxations(file, with_repairs(file, solved, progress), progress)
+    solved = with_known_division(solved, progress)
+    if not prices:
+        return solved
+    progress(f"pricing the device; {solved.known}")
+    return with_prices(solved)
 
 
 def require_bounded(file: ProblemFile) -> None:
@@ -116,6 +134,17 @@ class SavedDesign:
         """Yield the status and the proved claims, the numbers, the repairs and the warnings."""
         return rows_of(self.found)
 
+    def advice(self, known: Sequence[str]) -> Printed:
+        """Yield what was found after the design was printed with some warnings."""
+        return advice_of(self.found, [line for line in self.found.warnings if line not in known])
+
+    def with_advice(self, solved: Solved) -> SavedDesign:
+        """Return the design with the relaxations and prices that were computed after it, and what was cut short."""
+        notes = [note.line for note in (*solved.cut_short, *solved.notes)]
+        warnings = list(dict.fromkeys([*self.found.warnings, *notes]))
+        also = {"prices": solved.prices, "relaxations": solved.relaxations or None, "warnings": warnings}
+        return replace(self, found=self.found.model_copy(update=also))
+
     def files(self, folder: Path) -> Files:
         """Return design.json and gains.toml, in place of an earlier report and, without a design, earlier gains."""
         record, kind = self.found, self.file.problem.device.kind
@@ -137,15 +166,15 @@ class SavedDesign:
         """Return the next steps: look at the report, repair the problem, or use the design."""
         design, source, named = folder / DESIGN_FILE, self.file.source, self.file.source != str(called(STDIN))
         look = [f"open {folder / REPORT}" if (folder / REPORT).exists() else f"vctune report {quote(str(design))}"]
-        own = [repair for repair in self.found.repairs or [] if not repair.assumes]
-        if own:
-            name = source if named else "the problem"
-            return [f"write {own[0].needs} into {name} and solve again", *look]
-        if self.found.together:
-            both = " and ".join(repair.needs for repair in self.found.together)
+        own = [repair for repair in self.found.repairs or [] if not repair.assumes][:1]
+        if first := self.found.together or own:
+            both = " and ".join(repair.needs for repair in first)
             return [f"write {both} into {source if named else 'the problem'} and solve again", *look]
         if self.found.status != Status.CERTIFIED.value:
             return look
+        if self.found.relaxations:
+            relaxed = self.found.relaxations[0].needs
+            look = [f"write {relaxed} into {source if named else 'the problem'} and solve again", *look]
         check = f"in CI vctune check {quote(source)} {quote(str(folder / GAINS_FILE))}"
         return [*look, f"vctune export {quote(str(design))}", *[check] * named]
 
@@ -155,11 +184,12 @@ def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Save
     from vctune.design.nlp.nlp import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
-    cut = any(has_code(warning, "time-limit") for warning in record.warnings)
-    if strict and record.warnings and not cut:
+    doubts = [warning for warning in record.warnings if not has_code(warning, "time-limit")]
+    searched = all(stage in AFTERWARDS for stage in solved.cut)
+    if strict and doubts and searched:
         return SavedDesign(file, record, ExitCode.FAILED)
-    open_ = cut or (solved.optimality is not None and not solved.optimality.proved)
-    undecided = open_ and solved.status is Status.CERTIFIED
+    whole = searched and (solved.optimality is None or solved.optimality.proved)
+    undecided = not whole and solved.status is Status.CERTIFIED
     return SavedDesign(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
 
 
@@ -176,19 +206,26 @@ def rows_of(record: DesignRecord) -> Printed:
     limits = [("limited by", "", "", line) for line in record.limits]
     if record.gains is not None:
         yield Table([*first, *limits, *(row for rows in groups.values() for row in rows)], right=(2,))
+    if record.together:
+        yield ("these two together would do:",)
+        width = max(len(repair.needs) for repair in record.together)
+        yield from (_repair(repair, width) for repair in record.together)
     own, assumed = ([each for each in record.repairs or [] if each.assumes == kind] for kind in (False, True))
     for title, repairs in (("any one of these alone would do:", own), ("or one of these, if it is so:", assumed)):
         if repairs:
             yield (title,)
             width = max(len(repair.needs) for repair in record.repairs or [])
             yield from (_repair(repair, width) for repair in repairs)
-    if record.together:
-        yield ("these two together would do:",)
-        width = max(len(repair.needs) for repair in record.together)
-        yield from (_repair(repair, width) for repair in record.together)
-    elif record.tried:
+    if record.tried and not record.together:
         yield (f"none of these, each changed alone, gives a design: {', '.join(record.tried)}",)
-    yield from ((("warning:", "yellow"), f" {warning}") for warning in record.warnings)
+    yield from advice_of(record, record.warnings)
+
+
+def advice_of(record: DesignRecord, warnings: Sequence[str]) -> Printed:
+    """Yield warnings, and what a design of little use costs."""
+    yield from ((("warning:", "yellow"), f" {warning}") for warning in warnings)
+    for relaxation in record.relaxations or []:
+        yield ("of little use: ", (str(relaxation), "bold"))
 
 
 def _repair(repair: Repair, width: int) -> Line:

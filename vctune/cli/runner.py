@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from vctune.document.text.errors import Code
 
 Progress = Callable[[str], None]  # Type of a function that receives the current stage
+BETWEEN = 10.0  # Least time between two lines of progress that are not on a terminal, s
 PAUSE = 0.2  # Time between two checks of a watched file, s
 
 
@@ -55,9 +57,15 @@ class Run:
 
     @contextmanager
     def progress(self, *names: str) -> Iterator[Progress]:
-        """Show a spinner on a terminal with the stage of the work, and yield a function that sets the stage."""
-        if self.quiet or not sys.stderr.isatty():
+        """Show a spinner on a terminal with the stage of the work, elsewhere now and then a line, and yield a function
+        that sets the stage."""
+        if self.quiet:
             yield lambda stage: None
+            return
+        if not sys.stderr.isatty():
+            tell = _now_and_then(" ".join(["vctune", self.command, *names]))
+            with progress_sent_to(tell):
+                yield tell
             return
         from rich.console import Console
         from rich.text import Text
@@ -78,8 +86,12 @@ class Run:
     @contextmanager
     def bar(self, name: str, total: int) -> Iterator[Progress]:
         """Show a bar on a terminal with the rate and the remaining time; yield a function that adds a finished item."""
-        if self.quiet or not sys.stderr.isatty():
+        if self.quiet:
             yield lambda known: None
+            return
+        if not sys.stderr.isatty():
+            tell, done = _now_and_then(f"vctune {self.command} {name}"), count(1)
+            yield lambda known: tell(f"{next(done)} of {total}; {known}")
             return
         from rich.console import Console
         from rich.markup import escape
@@ -136,6 +148,20 @@ class Run:
 
             with reader_may_leave():
                 print_rows(rows(), folder, steps, always=always)
+
+
+def _now_and_then(title: str) -> Progress:
+    """Return a function that prints the stage of long work on stderr, at most one line in `BETWEEN` seconds."""
+    last = time.monotonic()
+
+    def tell(stage: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= BETWEEN:
+            last = now
+            click.echo(f"{title}: {stage}", err=True)
+
+    return tell
 
 
 @contextmanager

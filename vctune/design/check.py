@@ -176,18 +176,22 @@ def finding_of(file: ProblemFile, judgement: Judgement, repairs: Found, notes: S
     """Return the details of the check of judged gains, with all warnings."""
     cut = judgement.cut or (judgement.status is Status.VIOLATED and out_of_time())
     found = [*([OUT_OF_TIME] if cut else []), *file_doubts(file), *warnings(file.problem, judgement), *notes]
-    found += shake_notes(*shaken_in_time(file.problem, judgement), file.problem.units)
+    found += shake_notes(*shaken_in_time(file.problem, judgement), file.problem)
     return DesignFinding(file, judgement, repairs, [note.line for note in found])
 
 
 def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[str]:
-    """Return in words the changes of the design after which it passes, then those of what is assumed; or what was tried
-    in vain. A place is said of the keys of a problem beside a parameter file."""
+    """Return in words the changes after which a design passes, those of its law first, then those of the device, then
+    those of what is assumed; or what was tried in vain. A place is said of the keys of a problem beside a parameter
+    file."""
     own, assumed = (
         [f"{place * (repair.key not in TUNED)}{repair}" for repair in found.repairs or [] if repair.assumes == kind]
         for kind in (False, True)
     )
     said = list[str]()
+    if found.together:  # of the law, where no change of one of its numbers passes
+        both = " and ".join(f"{place * (repair.key not in TUNED)}{repair}" for repair in found.together)
+        said.append(f"{both} together would pass")
     if own:
         first, *others = own
         key = next(repair.key for repair in found.repairs or [] if not repair.assumes)
@@ -196,17 +200,14 @@ def remedy(found: Found, solved: Mapping[str, float], place: str = "") -> list[s
         said.append(f"{first}{of_problem} would pass{so}")
     if assumed:
         said.append(f"with {', or '.join(assumed)}, if that is so, it passes")
-    if found.together:
-        both = " and ".join(f"{place * (repair.key not in TUNED)}{repair}" for repair in found.together)
-        said.append(f"{both} together would pass")
-    elif found.tried:
+    if found.tried and not found.together:
         said.append(f"none of these, each changed alone, passes: {', '.join(found.tried)}")
     return said
 
 
 def first_remedy(found: Found, place: str = "") -> str:
     """Return in words the first change, or the two together, after which the design passes; "" without one."""
-    for repair in sorted(found.repairs or [], key=lambda repair: bool(repair.assumes)):
+    for repair in [] if found.together else sorted(found.repairs or [], key=lambda repair: bool(repair.assumes)):
         stated = f"{place * (repair.key not in TUNED)}{repair}"
         return f"with {stated}, if that is so, it passes" if repair.assumes else f"{stated} would pass"
     return next(iter(remedy(found._replace(tried=()), {}, place)), "")

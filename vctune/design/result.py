@@ -84,6 +84,17 @@ class Repair(RecordPart):
         return self.needs == f"{self.key} = false"
 
 
+class Relaxation(RecordPart):
+    """A demand or a bound of the problem file without which the design would be of more use."""
+
+    needs: str  # the new line of the file, in TOML
+    error: float  # transparency error of the design of the relaxed problem
+    instead_of: float  # transparency error of the design of the problem, on the same yardstick
+
+    def __str__(self) -> str:
+        return f"{self.needs} would give error {text(self.error, 3)} for {text(self.instead_of, 3)}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
     """The result of a problem.
@@ -115,9 +126,13 @@ class Solved:
         Without repairs: the keys that were changed alone in vain, each with the value up to which it was tried.
     together : list[Repair]
         Without repairs: two changes that suffice together; empty without any.
+    relaxations : list[Relaxation]
+        For a certified design of little use: relaxed demands and bounds that give a better one, the best first.
     prices : list[Price], optional
         Prices of the device's parameters, the greatest gain first; None if not requested, without an optimum,
         or if the design is not certified, IPOPT has not converged or the time limit ended the work.
+    notes : list[Note]
+        What else was found that a user should know.
     cut : tuple[str, ...]
         Stages that the time limit cut short, in words.
     """
@@ -134,7 +149,9 @@ class Solved:
     repairs: list[Repair] | None = None
     tried: list[str] = field(default_factory=list)
     together: list[Repair] = field(default_factory=list)
+    relaxations: list[Relaxation] = field(default_factory=list)
     prices: list[Price] | None = None
+    notes: list[Note] = field(default_factory=list)
     cut: tuple[str, ...] = ()
 
     @property

@@ -14,12 +14,13 @@ import numpy as np
 from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import Prepared, pose, prepare
 from vctune.design.result import Solved
-from vctune.design.search.along_limit import best_along_limit, follows_limit, has_nothing_behind
+from vctune.design.search.along_limit import LIGHTEST, best_along_limit, follows_limit, has_nothing_behind
 from vctune.design.search.infeasible import Infeasibility, nearest_miss, out_of_time_before_a_design
 from vctune.design.search.optimum import PROOF, SEARCH, Progress, improved, optimum
 from vctune.design.search.scan import scan
 from vctune.design.search.theorems import impossible
 from vctune.design.search.wall import stiffest_wall
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time
 
@@ -74,6 +75,8 @@ def _along_limit(problem: Problem, progress: Progress) -> Solved:
     progress("following the limit of the coupling")
     proved = stiffest_wall(pose(problem)) if problem.rigid else best_along_limit(prepare(problem))
     found, alone = None if proved is None else proved.judgement, has_nothing_behind(problem)
+    if found is None and problem.device.rule == "euler" and problem.bounds.mass.fixed:
+        found = judge(problem, Gains(0.0, 0.0), _most_drag(problem))
     no_wall = NO_CALM_WALL if problem.stability.calm else NO_WALL
     miss = (no_wall, LESS_STIFF) if problem.rigid else (NOT_ALONE if alone else NOT_BEFORE_WORLDS, MORE_FELT)
     if (ratio := problem.stability.damping_ratio) is not None:
@@ -92,6 +95,13 @@ def _along_limit(problem: Problem, progress: Progress) -> Solved:
         seconds={"search": perf_counter() - began},
         cut=(PROOF,) * late,
     )
+
+
+def _most_drag(problem: Problem) -> Coupling:
+    """Return the law by Euler's rule of a fixed mass with the greatest drag that the rule and the bounds permit."""
+    mass, drag = problem.bounds.mass.min, problem.bounds.drag
+    most = mass / problem.device.sample_time / (1 + LIGHTEST)
+    return Coupling(inf, mass, float(f"{min(drag.max, max(drag.min, most)):.6g}"))
 
 
 def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:

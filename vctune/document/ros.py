@@ -99,7 +99,7 @@ class Load:
 class AdmittanceFile:
     """The selected axes of a parameter file."""
 
-    axes: tuple[Admittance, ...]  # selected axes in the order of `AXES`, at least one
+    axes: tuple[Admittance, ...]  # selected axes in the order of `AXES`
     filter_coefficient: float  # weight of each new sample in the filter of the force, in (0, 1]
     line: int  # line of the file that selects the axes
     lines: Mapping[str, int]  # lines of the file by the dotted keys of `TUNED`
@@ -234,8 +234,6 @@ class _Reader:
         if coefficient == 0:
             self._wrong("ft_sensor.filter_coefficient", "is 0: no force ever comes through; at most 1 is no filter")
         load = self._load()
-        if not self._mistakes and not any(selected):
-            self._wrong("admittance.selected_axes", "selects no axis: there is nothing to check")
         if self._mistakes:
             raise InputError(self.source, self._mistakes)
         line, selection = (self._line(f"admittance.{name}") or 1 for name in ("mass", "selected_axes"))

@@ -236,7 +236,7 @@ def servo_study(recording: Recording, T: float) -> Study:
     except (ValueError, np.linalg.LinAlgError):  # no part of the motion fits the command
         question = f"is {header} the command of another axis or of another time than {place}?"
         raise unexplained(recording, f"the motion does not follow the command anywhere: {question}", header) from None
-    _refuse_limited(recording, fit, header, place)
+    _refuse_limited(recording, fit, header, place, told_position=command == "position_command")
     _refuse(recording, fit, agree, header, place, turned=fit.share > MAX_SHARE and _turned(recording, T, command, read))
     if command in crawling and fit.fit.size > WHITE:
         quantum = f"is rounded to {crawling[command]:.2g} {recording.units.position}"
@@ -301,9 +301,13 @@ def _estimates(source: str, one: ServoFit, jitter: float) -> Iterator[Estimate]:
         yield Estimate(key, value, unsure, f"{source}: order {one.order}", beyond, reason)
 
 
-def _refuse_limited(recording: Recording, fit: ServoFit, header: str, place: str) -> None:
+def _refuse_limited(recording: Recording, fit: ServoFit, header: str, place: str, *, told_position: bool) -> None:
     """Refuse a recording whose motion stays at a limit of speed or acceleration that its command exceeds."""
-    if fit.fit.size < WHITE or (limits := limits_of(fit.fit)) is None:
+    if fit.fit.size < WHITE:
+        return
+    with np.errstate(all="ignore"):
+        limits = limits_of(fit.fit, told_position=told_position)
+    if limits is None:
         return
     units = recording.units
     values = (("speed", limits.speed, units.speed), ("acceleration", limits.acceleration, units.acceleration))

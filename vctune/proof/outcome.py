@@ -10,7 +10,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import hertz
 
-ENCLOSED = 1.02  # Greatest quotient of a least ratio that was found and one that is proved; otherwise it is an estimate
+ENCLOSED = 1.02  # Greatest quotient, either way, of a least ratio that was found and one that is proved
 
 
 class Verdict(StrEnum):
@@ -49,4 +49,6 @@ def enclosed(ratio: float | str, proved: float | None) -> bool:
 
     "none" stands for a ratio that does not exist.
     """
-    return ratio != "none" and proved is not None and float(ratio) <= ENCLOSED * proved
+    if ratio == "none" or proved is None:
+        return False
+    return proved / ENCLOSED <= float(ratio) <= ENCLOSED * proved

@@ -53,7 +53,7 @@ class Summary:
     measure: str  # quality of the design; "" without a design
     next: str  # advice on the next step
     shakes: str  # how it rings, and whether it buzzes; "" without a design
-    doubt: str  # text across each figure; "" for a design that is certified, useful and does not buzz
+    doubt: str  # text across each figure; "" for a design that is certified and does not buzz
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
@@ -77,10 +77,11 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     elif record.status == "undecided":
         sentence = f"Not proved, so not for use: {record.reason}."
     else:
-        useless = record.idle or error is None or error >= LITTLE_USE * alone
-        doubt = "of little use" if useless else "buzzes" if record.buzz is not None and record.buzz.moving else ""
-        kind = "doubtful" if doubt else "good"
-        word = f"certified, {doubt}" if doubt else "certified"
+        useless = record.idle or error is None or error >= LITTLE_USE * alone or bool(record.relaxations)
+        doubt = "buzzes" if record.buzz is not None and record.buzz.moving else ""
+        but = "of little use" if useless else doubt
+        kind = "doubtful" if but else "good"
+        word = f"certified, {but}" if but else "certified"
         widths = problem.uncertainty.half_widths if problem.uncertainty is not None else ()
         ranges = problem.uncertainty.ranges if problem.uncertainty is not None else ()
         divided = {problem.device.delay_key} if problem.device.divided else set()

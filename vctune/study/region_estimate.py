@@ -6,17 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from math import inf, pi
+from math import inf
 
 import numpy as np
 
+from vctune.analysis.before_wall import LoopsBeforeWall
 from vctune.analysis.demands import sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.in_hands import ratio_before_wall
 from vctune.analysis.loops_in_hands import loops_in_any_hand
 from vctune.analysis.requirement import requirements
 from vctune.analysis.sampled_loop import sensitivity_of
-from vctune.analysis.worst_hand import LoopsBeforeWall, first_hands
+from vctune.analysis.worst_hand import first_hands
 from vctune.design.variables import coupling_from
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, SpringDamper
@@ -159,8 +160,7 @@ def _limits_before_wall(device: Device, hands: Hands, walls: SpringDamper) -> tu
 @lru_cache(maxsize=4)
 def _loops_before_wall(device: Device, hands: Hands) -> LoopsBeforeWall:
     """Return the loop of a device in some hands of a box."""
-    theta = np.append(frequency_grid(LOWEST, pi, POINTS_PER_DECADE), pi)
-    return LoopsBeforeWall.of(device, first_hands(hands), np.unique(theta))
+    return LoopsBeforeWall.of(device, first_hands(hands))
 
 
 def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats]:

@@ -43,15 +43,8 @@ def explain(run: Run, name: str | None) -> int:
     design.json. A code is the word in brackets after an error or a warning.
     """
     from vctune.api import explaining
-    from vctune.document.text.errors import InputError
 
-    try:
-        found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
-    except InputError:
-        known = name is None or run.quiet or explaining.nearest(name) or explaining.mentioning(name)
-        if not known:
-            click.echo(_page(explaining.explain("tasks").entries[0]) + "\n", err=True)
-        raise
+    found = explaining.Explanation(None, [*explaining.entries()]) if name is None else explaining.explain(name)
     pages = _contents(found.entries) if name is None else map(_page, found.entries)
     run.say(found.to_json, lambda: (("\n\n".join(pages),) for _ in range(1)))
     return 0

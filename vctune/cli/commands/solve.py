@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
@@ -58,10 +58,8 @@ def solve(
 def _solve(run: Run, problems: tuple[Path, ...], out: Path, *, report: bool, strict: bool, gap: float | None) -> int:
     """Solve problems one after the other, write and print their designs, and return the worst exit code."""
     from vctune import read_problem
-    from vctune.api.result import code_of, design_folder, write
-    from vctune.api.solving import designed
-    from vctune.api.solving import solve as find
-    from vctune.exit_codes import ExitCode
+    from vctune.api.result import design_folder, write
+    from vctune.api.solving import advised, designed, proved
 
     files = [read_problem(problem) for problem in problems]
     folders = [design_folder(file, out) for file in files]
@@ -71,15 +69,27 @@ def _solve(run: Run, problems: tuple[Path, ...], out: Path, *, report: bool, str
     designs = []
     for problem, file, folder in zip(problems, files, folders, strict=True):
         with run.progress(problem.name) as progress:
-            solved = find(file, gap=gap, prices=report, progress=progress)
+            solved = proved(file, gap=gap, progress=progress)
+            certified = solved.status.value == "certified"
+            if not certified:
+                solved = advised(file, solved, progress=progress)
             design = designed(file, solved, strict=strict)
+            known = design.found.warnings
             write(design.files(folder))
-            drawn = not report or run.report(design.found, folder, progress, f"; {solved.known}")
-        if not drawn and design.exit_code == ExitCode.OK == code_of(solved.status):
-            design = replace(design, exit_code=ExitCode.UNDECIDED)
+        told = certified and run.style != "json"
+        if told:  # before its prices and its page, which may take longer than the design
+            run.say(design.found.to_json, design.rows)
+        with run.progress(problem.name) as progress:
+            if certified:
+                solved = advised(file, solved, prices=report, progress=progress)
+                design = design.with_advice(solved)
+                write(design.files(folder))
+            if report:
+                run.report(design.found, folder, progress, f"; {solved.known}")
         designs.append(design)
         if run.style != "json":
-            run.show(design, design.found.to_json, folder, design.steps(folder), always=True)
+            rest = partial(design.advice, known) if told else design.rows
+            run.say(design.found.to_json, rest, folder, design.steps(folder), always=True)
     if run.style == "json":
         found = [design.found.to_json() for design in designs]
         emit(json.dumps(found if len(found) > 1 else found[0], indent=2, allow_nan=False))

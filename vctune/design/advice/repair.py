@@ -38,6 +38,7 @@ from vctune.running import (
 )
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
+TOLD = 3  # Greatest number of changes that are listed because none of them suffices alone
 MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found
 # Greatest number of designs that a search proves, and number of them for which a solved problem counts; greatest number
 # of boxes of each proof and of all. They bound its time and, unlike seconds, give the same answer on every machine
@@ -59,8 +60,8 @@ ProblemOf = Callable[[dict[str, Any]], Problem | None]
 
 
 class Found(NamedTuple):
-    """Repairs, or without any what was tried in vain to its ends, and two changes that suffice together; None if the
-    search was cut short or not begun."""
+    """Repairs, None if the search was cut short or not begun; without any, some of what was tried in vain to its ends;
+    and two changes that suffice together, of the law if no single one of the law does."""
 
     repairs: list[Repair] | None = None
     tried: Sequence[str] = ()
@@ -193,24 +194,29 @@ def find_repairs(
     search = _Search(document, posed, list(hands), progress, solved)
     with suppress(OutOfTimeError):
         search.run(asked)
-        if not search.found and search.within_budget:
-            tried = list(dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in asked))
+        whole = search.within_budget
+        together = list[Repair]()
+        if not any(repair.chooses for repair in search.found):
+            of_law = [change for change in asked if change.chooses]
+            again = _Search(document, posed, search.hands, progress, solved)
             with suppress(OutOfTimeError):
-                return Found([], tried, _Search(document, posed, search.hands, progress, solved).pair(asked))
-            return Found([], tried)
+                together = again.pair(of_law)
+                if not together and not search.found:
+                    together = again.pair(asked)
+        if search.found:
+            return Found(_offered(search.found, solved), together=together)
+        tried = sorted(asked, key=lambda change: (change.assumes, not change.chooses))
+        named = dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in tried)
+        return Found([], list(named)[:TOLD] if whole else [], together)
     return Found(_offered(search.found, solved) or None)
 
 
 def _offered(found: Iterable[Repair], solved: Mapping[str, float]) -> list[Repair]:
-    """Return the least changes of the design, among them a number that was edited, or a gain or number of the coupling,
-    then those of what is assumed."""
-    ordered = sorted(found, key=lambda repair: repair.size)
+    """Return the least changes of the law, a number that was edited first, then those of the device, then those of what
+    is assumed."""
+    ordered = sorted(found, key=lambda repair: (repair.key not in solved, not repair.chooses, repair.size))
     own, assumed = ([each for each in ordered if each.assumes == kind] for kind in (False, True))
-    places = MOST - min(ASSUMED, len(assumed))
-    chosen = next((each for each in own if each.key in solved), next((each for each in own if each.chooses), None))
-    if chosen is not None and chosen not in own[:places]:
-        own = [*own[: places - 1], chosen]
-    kept = own[:places]
+    kept = own[: MOST - min(ASSUMED, len(assumed))]
     return [*kept, *assumed[: MOST - len(kept)]]
 
 

@@ -7,12 +7,12 @@ from math import inf, isnan
 
 import numpy as np
 
+from vctune.analysis.before_wall import LoopsBeforeWall
 from vctune.analysis.damped import BoxOnCurve, WallOnCurve
 from vctune.analysis.demands import sensitivity_maxima, unmodelled_maxima
 from vctune.analysis.in_hands import least_ratio_before_wall, least_ratios_in_any_hand
 from vctune.analysis.multiples import angles_of, ratio_in_these
 from vctune.analysis.stability import clearly_stable
-from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.judge import margin_on_band
 from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.design.prepared import Posed, pose
@@ -92,7 +92,7 @@ def _in_hands(
         hands = _hands(demands.hands, also)
         if demands.rigid:
             assert isinstance(coupling, SpringDamper)
-            yield float(LoopsBeforeWall.of(device, hands, ANGLES).limits(coupling)[0].min())
+            yield float(LoopsBeforeWall.of(device, hands).limits(coupling)[0].min())
         else:
             yield ratio_in_these(device, hands, gains, coupling, demands.worlds)
     elif demands.any_hand and demands.rigid:

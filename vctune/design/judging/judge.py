@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.analysis.before_wall import LoopOfWall, loop_of_wall
 from vctune.analysis.demands import (
     TransparencyError,
     ratio_minima,
@@ -24,7 +25,6 @@ from vctune.analysis.least_ratio import LEAST, least_of_devices
 from vctune.analysis.margins import Margins, loop_margins
 from vctune.analysis.multiples import suspects
 from vctune.analysis.responses import Loop
-from vctune.analysis.worst_hand import LoopOfWall, loop_of_wall
 from vctune.design.judging.kicked import buzz_of, ringing_of
 from vctune.design.judging.worst_devices import loudest, worst_inside
 from vctune.design.prepared import Posed, pose, with_corner
@@ -49,7 +49,7 @@ from vctune.proof.claims.registry import BEFORE_WALL, claims_asked
 from vctune.proof.claims.walls import WALLS
 from vctune.proof.claims.worlds import WORLDS
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.outcome import Verdict
+from vctune.proof.outcome import ENCLOSED, Verdict
 from vctune.running import OutOfTimeError, check_time, seconds_left, time_limit, unlimited
 from vctune.simulation.kicks import Buzz
 from vctune.simulation.rings import least_damped_hand
@@ -361,7 +361,18 @@ def judgement_of(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate:
         certificate=certificate,
         cut=cut,
     )
+    _refuse_contradiction(found)
     return _kicked(found) if posed.problem.stability.calm and certificate.verdict is Verdict.PROVED else found
+
+
+def _refuse_contradiction(judgement: Judgement) -> None:
+    """Raise an internal error if a least ratio that was found contradicts a claim that is proved."""
+    demands, outcomes = judgement.certificate.demands, judgement.certificate.outcomes
+    for at in judgement.margins:
+        proved = at.claim in outcomes and outcomes[at.claim].verdict is Verdict.PROVED
+        if proved and at.ratio * ENCLOSED < demands.factor:
+            place = f"{hertz(at.omega):.6g} Hz in the hand of {at.hand} on {at.device}"
+            raise AssertionError(f"{at.claim} is proved, and its least ratio is {at.ratio:.6g} at {place}")
 
 
 def _kicked(judgement: Judgement) -> Judgement:

@@ -39,6 +39,8 @@ def said_of(judgement: Judgement) -> str:
         return _stable_but(judgement) + hand + _elsewhere(judgement)
     worst, *others = open_claims(judgement)
     least = f"{_least(judgement)} at {at.omega / (2 * pi):.6g} Hz{hand}"
+    if judgement.before_wall is at and at.ratio == 0:
+        least = f"unstable at any multiple of the wall{hand}: more damping is needed"
     return "; ".join([worst, least, *others, *([words] if (words := _growth(judgement)) else [])])
 
 

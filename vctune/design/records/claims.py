@@ -201,7 +201,10 @@ class WallRecord(RecordPart):
         verdict, limit, *margins = super().rows(units)
         yield verdict._replace(unit="" if self.box is None else self.hands("", units))
         hand = "" if self.worst_hand is None else f" in the hand of {self.worst_hand.in_words(units)}"
-        yield limit._replace(unit=limit.unit + hand)
+        if self.min_ratio == 0:
+            yield Row(limit.label, "any", f"multiple of the wall{hand}: more damping is needed")
+        else:
+            yield limit._replace(unit=limit.unit + hand)
         yield from (margin for margin in margins if margin.value != "none")
 
     def hands(self, passive: str, units: Units) -> str:
@@ -291,9 +294,9 @@ def wall_record(problem: Problem, judgement: Judgement) -> WallRecord | None:
         verdict=outcome.verdict.value,
         min_ratio=at.ratio,
         worst_hz=finite_hertz(at.omega),
-        peak_sensitivity=loop and loop.peak,
-        peak_sensitivity_hz=loop and hertz(loop.omega),
-        phase_margin_deg=loop and degrees(loop.phase),
+        peak_sensitivity=None if loop is None else loop.peak,
+        peak_sensitivity_hz=None if loop is None else hertz(loop.omega),
+        phase_margin_deg=None if loop is None else degrees(loop.phase),
         boxes=outcome.boxes,
         **also,
     )

@@ -23,7 +23,7 @@ from vctune.design.records.optimality import OptimalityRecord, UncertaintyRecord
 from vctune.design.records.rest import REST, RestRecord, rest_record
 from vctune.design.records.shake import SHAKES, BuzzRecord, RingingRecord, notes, shaken
 from vctune.design.records.warned import touched, warnings
-from vctune.design.result import Price, Repair, Solved
+from vctune.design.result import Price, Relaxation, Repair, Solved
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile, digest_mistakes, stated_problem
 from vctune.document.records.gains_json import AnyCouplingRecord, ProblemRecord, TransparencyRecord, stated_units
@@ -95,7 +95,8 @@ class DesignRecord(SealedDocument):
     rule: Literal["euler"] | None = None  # of the coupling, if it is not the trapezoidal one
     nearest: NearestRecord | None = None  # the nearest miss of a problem without a design
     tried: list[str] | None = None  # keys, each with the value up to which it was changed alone in vain
-    together: list[Repair] | None = None  # two changes that suffice together, where none does alone
+    together: list[Repair] | None = None  # two changes that suffice together, of the law if none of it does alone
+    relaxations: list[Relaxation] | None = None  # what a design of little use costs, the best first
     prices: list[Price] | None = None
     contact: ContactRecord | None = None
     felt: InHandRecord | None = None
@@ -300,17 +301,18 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
         with unlimited():
             parts |= _judged(problem, judgement)
             at_bound, warned = [key for key, _ in touched(problem, judgement)], warnings(problem, judgement)
-        warned += notes(parts.get("ringing"), parts.get("buzz"), problem.units)
+        warned += notes(parts.get("ringing"), parts.get("buzz"), problem)
     also = {
         "date": date,
         "prices": solved.prices,
         "rule": "euler" if problem.device.rule == "euler" else None,
         "tried": solved.tried or None,
         "together": solved.together or None,
+        "relaxations": solved.relaxations or None,
         "nearest": _nearest(solved),
         **{name: parts.pop(name, None) for name in ("contact", "felt", "rest", "ringing", "buzz", "uncertainty")},
     }
-    said = [*solved.cut_short, *file_doubts(file, Path(file.source).name), *warned]
+    said = [*solved.cut_short, *solved.notes, *file_doubts(file, Path(file.source).name), *warned]
     return DesignRecord(
         problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text, **stated_units(problem.device)),
         status=solved.status.value,

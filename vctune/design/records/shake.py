@@ -8,6 +8,7 @@ from typing import Annotated
 
 from vctune.design.judging.judge import Judgement, Status
 from vctune.design.judging.kicked import buzz_of, ringing_of
+from vctune.design.records.claims import DeviceRecord, device_record
 from vctune.document.records.part import Nullable, RecordPart, Row, milli, text
 from vctune.document.text.errors import Note
 from vctune.model.fields import Shown
@@ -24,6 +25,7 @@ from vctune.simulation.worlds import RIGID
 SHAKES = "whether it shakes"  # Name of a part that a time limit may leave out
 MILLI = 0.1  # Time below which a time is told in milliseconds, s
 LONG = 1 / log(3)  # Time constant with which a motion takes a second to fall to a third, s
+LITTLE = 0.05  # Damping ratio below which a design rings more than most would want
 
 
 class RingingRecord(RecordPart):
@@ -34,6 +36,12 @@ class RingingRecord(RecordPart):
     time_constant_s: float  # -1/Re s, after which it has fallen to 1/e
     hand: Hand
     world: str  # the environment, in words
+    device: DeviceRecord | None = None  # the device of a box on which it rings
+
+    def place(self, units: Units) -> str:
+        """Return the hand, the environment and, of a box, the device in words."""
+        of_box = "" if self.device is None else f" with {self.device.in_words(units)}"
+        return f"in the hand of {self.hand.in_words(units)} before {self.world}{of_box}"
 
     @property
     def long(self) -> bool:
@@ -50,7 +58,7 @@ class RingingRecord(RecordPart):
         """Return ratio and time in words."""
         return (
             f"damping ratio of {text(self.damping_ratio, 2)} at {text(self.frequency_hz, 4)} Hz and a time constant of "
-            f"{_time(self.time_constant_s)}, in the hand of {self.hand.in_words(units)} before {self.world}"
+            f"{_time(self.time_constant_s)}, {self.place(units)}"
         )
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -58,8 +66,7 @@ class RingingRecord(RecordPart):
         yield Row(
             "damping ratio", text(self.damping_ratio, 3), f"at least, at {text(self.frequency_hz, 4)} Hz; estimated"
         )
-        where = f"s to 1/e, in the hand of {self.hand.in_words(units)} before {self.world}"
-        yield Row("rings for", text(self.time_constant_s, 3), where)
+        yield Row("rings for", text(self.time_constant_s, 3), f"s to 1/e, {self.place(units)}")
 
 
 def _time(seconds: float) -> str:
@@ -118,7 +125,7 @@ def shaken(problem: Problem, judgement: Judgement) -> tuple[RingingRecord | None
         return None, None
     if judgement.kicked is not None or judgement.status is not Status.VIOLATED:
         buzzes = buzz_of(problem, rings, *law)
-    return _ringing_record(rings, problem.units), _buzz_record(buzzes, problem)
+    return _ringing_record(rings, problem), _buzz_record(buzzes, problem)
 
 
 def shaken_in_time(problem: Problem, judgement: Judgement) -> tuple[RingingRecord | None, BuzzRecord | None]:
@@ -129,11 +136,13 @@ def shaken_in_time(problem: Problem, judgement: Judgement) -> tuple[RingingRecor
         return None, None
 
 
-def notes(rings: RingingRecord | None, buzzes: BuzzRecord | None, units: Units) -> list[Note]:
-    """Return the warnings about a design that shakes."""
-    found = list[Note]()
-    if rings is not None and rings.long:
-        found.append(Note("warn-rings", f"it rings for more than a second: {rings.told(units)}"))
+def notes(rings: RingingRecord | None, buzzes: BuzzRecord | None, problem: Problem) -> list[Note]:
+    """Return the warnings about a design that shakes: less damped than the problem demands, or than most would want."""
+    found, units = list[Note](), problem.units
+    asked = problem.stability.damping_ratio or LITTLE
+    if rings is not None and (rings.long or rings.damping_ratio < min(asked, LITTLE)):
+        length = " for more than a second" if rings.long else ""
+        found.append(Note("warn-rings", f"it rings{length}: {rings.told(units)}"))
     if buzzes is not None and buzzes.moving:
         found.append(Note("warn-buzzes", f"it buzzes, as simulated: {buzzes.told(units)}"))
     return found
@@ -145,15 +154,17 @@ def in_few_words(rings: RingingRecord | None, buzzes: BuzzRecord | None) -> list
     return [*said, *([f"buzzes after {buzzes.moving} of {buzzes.kicks} kicks"] if buzzes and buzzes.moving else [])]
 
 
-def _ringing_record(found: Ringing | None, units: Units) -> RingingRecord | None:
+def _ringing_record(found: Ringing | None, problem: Problem) -> RingingRecord | None:
     if found is None or found.time_constant == inf:
         return None
+    boxed = problem.uncertainty is not None or problem.device.divided
     return RingingRecord(
         damping_ratio=found.damping_ratio,
         frequency_hz=found.frequency / (2 * pi),
         time_constant_s=found.time_constant,
         hand=found.hand,
-        world=_in_words(found.world, units),
+        world=_in_words(found.world, problem.units),
+        **({"device": device_record(found.device, problem)} if boxed else {}),
     )
 
 

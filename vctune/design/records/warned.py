@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi
+from math import degrees, inf, pi
 from typing import Any
 
-from vctune.design.judging.judge import Judgement
-from vctune.design.records.felt import first_command
+from vctune.design.judging.judge import Judgement, Status
+from vctune.design.records.felt import first_command, holds_no_static_force
 from vctune.design.variables import keys_for, near, point, ranges
 from vctune.document.text.errors import Note
 from vctune.model.gains import series_coupling
@@ -15,6 +15,7 @@ from vctune.model.problem import Problem
 from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import lightest_mass
 
+LOUDEST, LEAST_PHASE = 10.0, 10.0  # Peak of |S| and phase margin, degrees, beyond which a loop hardly holds
 SHOWN_DIGITS = 6  # Digits to which a value on a bound above 0 equals it: a search ends beside it
 
 
@@ -68,9 +69,29 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
                 f"1 {units.force} from rest commands {acceleration:.3g} {units.acceleration} in its first sample, more "
                 f"than device.servo.max_acceleration = {servo.max_acceleration:g}; more coupling.mass commands less",
             )
+    yield from _hardly_holds(judgement)
+    if holds_no_static_force(problem, judgement.gains):
+        yield "warn-limp", "its K_p holds no static force: a steady push moves the handle on, also into a wall"
     if judgement.idle:
         yield (
             "warn-idle",
             f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
             "and 1 means no loop at all; a constraint that can be relaxed, a wider bound or a faster device may help",
+        )
+
+
+def _hardly_holds(judgement: Judgement) -> Iterator[tuple[Any, str]]:
+    """Yield that a small change of the device would make the loop that a design closes unstable."""
+    if judgement.closed_loop is not None:
+        loop, peak, phase = "the loop of the wall", judgement.closed_loop.peak, judgement.closed_loop.phase
+    elif judgement.gains.closed and judgement.status is Status.CERTIFIED:
+        loop, peak, phase = "the velocity loop", judgement.peak_sensitivity, judgement.loop_margins.phase
+    else:
+        return
+    phase = abs(degrees(phase))
+    if peak > LOUDEST or phase < LEAST_PHASE:
+        margin = "" if phase == inf else f" and its phase margin is {phase:.3g} degrees"
+        yield (
+            "warn-margin",
+            f"{loop} hardly holds: its peak |S| is {peak:.3g}{margin}; a slightly different device may be unstable",
         )

@@ -60,20 +60,28 @@ def check_parameters(
     problems: Sequence[ProblemFile], path: Path, given: AdmittanceFile, progress: Progress = lambda stage: None
 ) -> list[Checked]:
     """Check the selected axes of a parameter file, each with the problem that is for it."""
+    if not given.axes:
+        return [_nothing_selected(problems[0], path, given)]
     if len(problems) == 1:
         return check_admittance(problems[0], path, given, progress)
     owners, selected = problems_of_axes(problems), [axis.axis for axis in given.axes]
     if missing := [name for name in selected if name not in owners]:
         message = f"selects {', '.join(missing)}, and no problem is for that; name one, or do not select it"
         raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    checks, beside = dict[str, Checked](), list[Checked]()
+    checks = list[Checked]()
     for problem in problems:
         axes = tuple(axis for axis in given.axes if owners[axis.axis] is problem)
         if axes:
-            found = check_admittance(problem, path, replace(given, axes=axes), progress)
-            checks |= dict(zip([axis.axis for axis in axes], found, strict=False))
-            beside += found[len(axes) :]
-    return [*(checks[name] for name in selected), *beside]
+            checks += check_admittance(problem, path, replace(given, axes=axes), progress)
+    return checks
+
+
+def _nothing_selected(problem: ProblemFile, path: Path, given: AdmittanceFile) -> Checked:
+    """Return the check of a file that moves no axis."""
+    called = f"{given.name}: " if given.name else ""
+    message = f"{path}: {called}no axis is selected (admittance.selected_axes), so that nothing moves or is proved"
+    name = f"{problem.problem.name} {given.name}".strip()
+    return Checked(path, name, CheckVerdict.PASSED, message, given.line, None)
 
 
 def check_admittance(
@@ -82,26 +90,22 @@ def check_admittance(
     given: AdmittanceFile,
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a parameter file. If several axes have the same values, the function proves only one
-    of them."""
+    """Check the selected axes of a parameter file. Axes that have the same values are one check."""
     _require_rate(problem, path, given)
     given = _require_tool(problem, path, given)
     tables, axes = _device(problem, given), _chosen(problem, path, given)
-    checks: list[Checked] = []
-    proved: dict[Any, Checked] = {}
+    alike: dict[Any, list[Admittance]] = {}
     for axis in axes:
-        if not _moves_as(axis, problem):
-            message = f"not looked at: {_misfit([axis], problem)}"
-            checks.append(
-                _of_axis(
-                    _unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis, given.name
-                )
-            )
-            continue
         numbers = replace(axis, axis=""), given.load and given.load.inertia(axis.axis)
-        if numbers not in proved:
-            proved[numbers] = _checked(problem, tables, given, axis, progress)
-        checks.append(_of_axis(proved[numbers], problem, path, axis, given.name))
+        alike.setdefault((axis.turns, numbers), []).append(axis)
+    checks: list[Checked] = []
+    for group in alike.values():
+        if _moves_as(group[0], problem):
+            check = _checked(problem, tables, given, group[0], progress)
+        else:
+            message = f"not looked at: {_misfit(group, problem)}"
+            check = _unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, group[0])
+        checks.append(_of_axes(check, problem, path, group, given.name))
     return _with_angles(checks, problem, path, tables, given, axes)
 
 
@@ -117,13 +121,14 @@ def _with_angles(
     (model/README.md, section 17), or else one more check of all together."""
     if problem.problem.device.kind.own_loop or len(axes) < 2 or any(each.verdict != "passed" for each in checks):
         return checks
-    *others, last = (axis.axis for axis in axes)
-    named = f"{', '.join(others)} and {last}"
-    found = Outcome(Verdict.PROVED, 0)
-    if not (_alike(given, axes) or all(_proved_by_resistance(tables, given, axis) for axis in axes)):
+    named = _named(axes)
+    found, alike = Outcome(Verdict.PROVED, 0), _alike(given, axes)
+    if not (alike or all(_proved_by_resistance(tables, given, axis) for axis in axes)):
         found = together(questions_of(checks))
     if found.verdict is Verdict.PROVED:
         said = f"also in hands at every angle to {named}"
+        if problem.problem.stability.damping_ratio is not None and not alike:
+            said = f"stable also in hands at every angle to {named}, with the damping ratio proved along the axes alone"
         return [replace(each, message=f"{each.message}; {said}") for each in checks]
     hz = "" if found.witness is None else f", about {found.witness / (2 * pi):.4g} Hz"
     said = f"{named} together: proved each alone, and not in hands at an angle to them, since their laws differ{hz}"
@@ -219,9 +224,17 @@ def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance)
     return Checked(Path(), "", verdict, Note(code, message).line, axis.line, None)
 
 
-def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance, controller: str) -> Checked:
-    """Return a check with the name of an axis; several axes with the same values share one check."""
-    called = f"{controller} {axis.axis}".strip()
+def _named(axes: Sequence[Admittance]) -> str:
+    """Return the names of axes: x, y and z."""
+    *others, last = (axis.axis for axis in axes)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def _of_axes(
+    checked: Checked, problem: ProblemFile, path: Path, axes: Sequence[Admittance], controller: str
+) -> Checked:
+    """Return a check with the names of its axes."""
+    called = f"{controller} {_named(axes)}".strip()
     name, message, finding = f"{problem.problem.name} {called}", f"{called}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         named = replace(finding.file, problem=replace(finding.file.problem, name=name))
@@ -299,10 +312,11 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
         left = 1 - axis.joint_damping * T
         if left <= 0:
             return f"stepped explicitly, joint_damping must be below 1/T = {1 / T:.4g}, not {axis.joint_damping:.4g}"
+        lightest = f"{units.translated('a mass')} of {_few(axis.damping * T, 4, ROUND_CEILING)} {units.mass}"
         needed, most = (2 * axis.damping_ratio * T / left) ** 2 * axis.stiffness, axis.mass * left / T
         said = (
-            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} needs {units.translated('a mass')} "
-            f"of more than {_few(axis.damping * T, 4, ROUND_CEILING)} {units.mass}, not {axis.mass:.4g}"
+            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} is modelled from {lightest} on, "
+            f"not {axis.mass:.4g}"
         )
         ratio = most / (2 * sqrt(axis.mass * axis.stiffness))
         return (

@@ -158,15 +158,21 @@ class _Limit:
                 on_band.append((omega, response(device, gains, omega)))
         return _Loops(in_worlds, on_band, damped)
 
+    def is_light(self, values: Point) -> bool:
+        """Return whether the mass of a law without a damper is next to the least that its rule permits: 0, and drag
+        times sample_time of Euler's rule."""
+        b_c, m_c, b_0 = values[GAINS:]
+        device = self.posed.problem.device
+        least = b_0 * device.sample_time
+        above = m_c - least if device.rule == "euler" else m_c
+        return b_c == inf and above < LIGHTEST * least
+
     def design(self, values: Point, loops: _Loops | None) -> Point | None:
         """Return a design with its free coupling multiplied until it is at the limit; None if the loop or the bounds do
         not permit it."""
         b_c, m_c, b_0 = values[GAINS:]
         free = [k for k in self.free if k >= GAINS]
-        device = self.posed.problem.device
-        own = m_c - b_0 * device.sample_time if device.rule == "euler" else m_c  # of a step of which 0 is the end
-        light = b_c == inf and own < LIGHTEST * device.sample_time * b_0
-        if loops is None or (light and MASS in free):
+        if loops is None or (MASS in free and self.is_light(values)):
             return None
 
         def enough(found: Point) -> float:
@@ -188,6 +194,8 @@ class _Limit:
             found, known = _halved(values, free, enough), False
         raised = tuple(max(value, bounds.min) for value, bounds in zip(found, self.ranges, strict=True))
         if not all(_within(value, bounds) for value, bounds in zip(raised, self.ranges, strict=True)):
+            return None
+        if self.posed.problem.device.rule == "euler" and self.is_light(raised):
             return None
         if known and raised == found:
             return found

@@ -12,11 +12,11 @@ from math import exp, inf, log
 
 import numpy as np
 
+from vctune.analysis.before_wall import LoopsBeforeWall
 from vctune.analysis.damped import WallOnCurve
 from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_up_to
 from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
-from vctune.analysis.worst_hand import ANGLES, LoopsBeforeWall
 from vctune.design.judging.kicked import buzz_of, hands_at_rest, ringing_of
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
@@ -32,7 +32,6 @@ PER_DECADE = 480  # angles for any passive hand
 # First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
 ALIASED, MOST_BOXES = 2e-3, 20_000
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
-AT_ALL = 0.01  # Multiple of a wall below which an undamped device is at its limit only because it is undamped
 NO_LOOP = Gains(0.0, 0.0)  # of an impedance display that injects no damping
 HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range of the best damping
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
@@ -78,22 +77,17 @@ def _in_any_hand(device: Device, seen: LookedAt, needed: float, _ratio: float | 
 
 
 def _in_hands(device: Device, seen: LookedAt, needed: float, ratio: float | None) -> Bears:
-    loops = LoopsBeforeWall.of(device, list(seen.hands), np.union1d(ANGLES, seen.angles))
+    loops = LoopsBeforeWall.of(device, list(seen.hands), seen.angles)
     curve = (
         None
         if ratio is None
         else WallOnCurve.of(device, list(seen.hands), ratio * (1 + RATIO_RESERVE + seen.reserve), seen.angles)
     )
-    undamped = device.least_damping + min(hand.damping for hand in seen.hands) == 0
-    # where nothing else damps, a wall whose spring is later than its damper is unstable at every multiple down to 0,
-    # and at 0 every wall leaves a resonance with the hand's spring on the circle
-    late, least = (needed * device.loop_lag, AT_ALL) if undamped else (0.0, 0.0)
 
     def bears(wall: SpringDamper) -> bool:
-        limits = loops.limits(wall)[0]
         if curve is not None and not curve.bears(wall):
             return False
-        return bool(wall.damping >= late * wall.stiffness and limits[limits > least].min(initial=inf) >= needed)
+        return bool(loops.unstable_from(1.0, wall)[0].min() >= needed)
 
     return bears
 

@@ -25,8 +25,8 @@ Code = Literal[
     "ros-other-law", "ros-parameter", "ros-rotation",
     "ros-slow-filter", "ros-step", "ros-unmodelled", "ros-unused-ratio", "rows-file", "rows-torn", "time-limit",
     "unknown-key", "unknown-name", "unreadable-file", "usage", "warn-acceleration", "warn-band-edge", "warn-bound",
-    "warn-buzzes", "warn-environment", "warn-gain", "warn-idle", "warn-latency", "warn-mass", "warn-name",
-    "warn-residual", "warn-rings",
+    "warn-buzzes", "warn-environment", "warn-gain", "warn-idle", "warn-latency", "warn-limp", "warn-margin",
+    "warn-mass", "warn-name", "warn-residual", "warn-rings",
     "warn-sample-time", "warn-stiffness", "warn-table", "warn-yields", "wrong-type",
 ]  # fmt: skip
 ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")  # A code in brackets at the end of a line

@@ -283,6 +283,25 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> MechanismI
     return MechanismInHand.of(rows, inertia, sensed=sensed, felt=felt, felt_inertia=felt_inertia, handle=handle)
 
 
+def modes_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Any:
+    """Return the eigenvalues s T of a device in hands, which nothing drives, in double precision.
+
+    Parameters
+    ----------
+    hand : Hand
+        Hands as arrays of shape (hands, 1).
+
+    Returns
+    -------
+    array of complex, shape (hands, states)
+    """
+    parts = mechanism_in_hand(device, hand, ops)
+    rows = _over_inertia(parts, {name: index for index, name in enumerate(parts.names)})
+    shape = np.shape(hand.mass)
+    entries = [[np.broadcast_to(np.asarray(entry, float), shape) for entry in row] for row in rows]
+    return np.linalg.eigvals(np.moveaxis(np.array(entries)[..., 0], -1, 0))
+
+
 def _over_inertia(parts: MechanismInHand, at: dict[str, int]) -> Matrix:
     """Return A/E."""
     rows = [list(row) for row in parts.rates]
