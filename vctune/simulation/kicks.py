@@ -37,11 +37,15 @@ PUSHES = 1.25  # Greatest constant force of the hand, as a share of the friction
 # Time for which a device is watched at once, s and in time constants, so that what fades differs from what lasts, and
 # least number of samples
 WATCHED, FADES, LEAST_SAMPLES = 0.5, 0.5, 128
-FALLS = 1e-3  # Share of its size by which a motion that dies away falls from one third of a run to the next, at least
+# Windows of a run over which a motion that dies away falls from each to the next, those of a first look, and the share
+# of its size by which it falls, at least
+WINDOWS, FEWEST, FALLS = 5, 3, 1e-3
 # Length of a run in time constants, and its limits in seconds and in samples
 CONSTANTS, SHORTEST, LONGEST, MOST_SAMPLES = 4.0, 1.5, 12.0, 20_000
 FURTHER = 3.0  # Times as long a motion is watched that falls, within these limits
 CYCLES = 3  # Periods of the softest of several walls for which each is watched at once
+MORE = 16  # How many times as many kicks a calm wall bears
+FIRST, FEW = 8, 6  # One of so many of the fixed kicks, and of those all over a box, comes before the others
 ROUNDING = 1e-9  # Share of its place within which a handle is at rest
 LEAST = 1e-300  # What stands for a divisor of 0 whose quotient does not count
 NO_GAINS = Gains(0.0, 0.0)  # of an impedance display that injects no damping
@@ -88,49 +92,152 @@ def buzz(
     coupling: AnyCoupling,
     worlds: tuple[World, ...],
     time_constant: float,
-    more: int = 1,
 ) -> Buzz | None:
     """Return what a fixed set of kicks does to a design; None if neither friction nor a step of a reading is stated.
 
-    `time_constant` is that of the loop's slowest oscillation, s. There are `more` times as many kicks, the
-    others in hands all over the box.
+    `time_constant` is that of the loop's slowest oscillation, s.
     """
-    steps = _steps_and_friction(device)
-    if not any(steps):
+    if not any(_steps_and_friction(device)):
         return None
-    seconds = min(max(CONSTANTS * time_constant, SHORTEST), LONGEST)
-    window = max(WATCHED, min(FADES * seconds / CONSTANTS, LONGEST / 3))
-    longest = min(FURTHER * seconds, LONGEST)
-    kicked = _hands_kicked(hands, more)
+    kicked = _hands_kicked(hands)
+    numbers = np.arange(len(kicked))
     buzzes = list[Buzz]()
     for world, law in laws(device, gains, coupling, worlds):
-        firm = world.stiffness > 0 and stiffness_read(gains, coupling) > 0  # else a constant force moves it on
-        damping, stiffness = damping_acting(gains, coupling), stiffness_read(gains, coupling)
-        kicks = _kicks(device, kicked, np.array(damping), np.array(stiffness), PUSHES if firm else 0.0)
-        going = _struck(together(_scene(device, law), kicked), kicks, window, seconds, longest)
+        going = _going(device, hands, gains, coupling, (world, law), time_constant, kicked, numbers)
         buzzes.append(_worst(going, kicked, world))
     worst = max(buzzes, key=lambda buzz: (buzz.moving > 0, buzz.amplitude))
     return replace(worst, kicks=sum(one.kicks for one in buzzes), moving=sum(one.moving for one in buzzes))
 
 
-def calm(device: Device, hands: Hands, walls: Sequence[SpringDamper], more: int = 1) -> NDArray[np.bool_]:
-    """Return which of several walls of an impedance display no kick of those of `buzz` keeps moving.
+def bears_more_kicks(
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    worlds: tuple[World, ...],
+    time_constant: float,
+) -> bool:
+    """Return whether none of `MORE` times as many kicks as those of `buzz`, in hands all over the box, keeps a design
+    moving. It ends with the first block of kicks one of which does."""
+    fixed = len(_hands_kicked(hands))
+    kicked = _hands_all_over(hands)
+    for block in _few_then_others(len(kicked)):
+        struck = [kicked[number] for number in block]
+        for place in laws(device, gains, coupling, worlds):
+            going = _going(device, hands, gains, coupling, place, time_constant, struck, fixed + block)
+            if going.lanes.size:
+                return False
+    return True
 
-    The kicks of all walls are stepped in the same arrays, for a few periods of the softest: what falls then is calm.
+
+def _going(
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    place: tuple[World, Law],
+    time_constant: float,
+    kicked: Sequence[Hand],
+    numbers: NDArray[np.intp],
+) -> Going:
+    """Return the kicks that keep a design moving before one environment.
+
+    Parameters
+    ----------
+    device, hands, gains, coupling
+        The design, and the box of its hands.
+    place : tuple[World, Law]
+        The environment, and the firmware before it.
+    time_constant : float
+        That of the loop's slowest oscillation, s.
+    kicked : Sequence[Hand]
+        The hand of each kick.
+    numbers : NDArray[np.intp]
+        The number of each kick, which fixes its speed, place and force.
     """
-    kicked = _hands_kicked(hands, more)
+    world, law = place
+    stiffness = stiffness_read(gains, coupling)
+    damping = damping_acting(gains, coupling)
+    firm = world.stiffness > 0 and stiffness > 0  # else a constant force moves it on
+    seconds = min(max(CONSTANTS * time_constant, SHORTEST), LONGEST)
+    window = max(WATCHED, FADES * seconds / CONSTANTS)
+    if firm and device.servo is None:  # a window has both ends of the slowest motion
+        window = max(window, min(_slowest(device, hands, stiffness), LONGEST / WINDOWS))
+    kicks = _kicks(device, kicked, numbers, np.array(damping), np.array(stiffness), PUSHES if firm else 0.0)
+    longest = min(FURTHER * seconds, LONGEST)
+    return _struck(together(_scene(device, law), kicked), kicks, window, WINDOWS, seconds, longest)
+
+
+def calm(device: Device, hands: Hands, walls: Sequence[SpringDamper]) -> NDArray[np.bool_]:
+    """Return which of several walls of an impedance display no kick of those of `buzz` keeps moving, as is seen in a
+    few periods. A few kicks in each corner of the box come first: they find most walls that buzz."""
+    kicked = _hands_kicked(hands)
+    numbers = np.arange(len(kicked))
+    few = numbers % FIRST == 0
+    return _calm_after(device, hands, walls, kicked, [numbers[few], numbers[~few]], 0)
+
+
+def calm_all_over(device: Device, hands: Hands, walls: Sequence[SpringDamper]) -> NDArray[np.bool_]:
+    """Return which of several walls no kick of those of `bears_more_kicks` keeps moving, as is seen in a few
+    periods."""
+    kicked = _hands_all_over(hands)
+    return _calm_after(device, hands, walls, kicked, _few_then_others(len(kicked)), len(_hands_kicked(hands)))
+
+
+def _calm_after(
+    device: Device,
+    hands: Hands,
+    walls: Sequence[SpringDamper],
+    kicked: Sequence[Hand],
+    blocks: Sequence[NDArray[np.intp]],
+    first: int,
+) -> NDArray[np.bool_]:
+    """Return which of several walls rest or fall after every kick, shape (walls,).
+
+    The kicks of a block are stepped for all walls in the same arrays, for a few periods of the softest. A wall that one
+    of them keeps moving is not struck again.
+
+    Parameters
+    ----------
+    device, hands, walls
+        An impedance display, the box of its hands, and the walls.
+    kicked : Sequence[Hand]
+        The hand of each kick.
+    blocks : Sequence[NDArray[np.intp]]
+        Places in `kicked` of the kicks of each block.
+    first : int
+        Number of the first of the kicks.
+    """
     [(_, law)] = laws(device, NO_GAINS, walls[0], (RIGID,))
-    stiffness = np.repeat([wall.stiffness for wall in walls], len(kicked))
-    damping = np.repeat([wall.damping for wall in walls], len(kicked))
-    handles = together(_scene(device, law), kicked).of(np.tile(np.arange(len(kicked)), len(walls)))
-    controller, state = handles.firmware
-    handles = replace(handles, firmware=(with_walls(controller, stiffness, damping), state))
-    kicks = _kicks(device, kicked, damping, stiffness, PUSHES)
-    slowest = 2 * pi * sqrt((device.mass + hands.high.mass) / stiffness.min())  # period of the softest wall, s
-    window = min(CYCLES * slowest, WATCHED)
-    going = _struck(handles, kicks, window, 3 * window, 3 * window)
-    moving = np.bincount(going.lanes // len(kicked), minlength=len(walls))
-    return np.asarray(moving == 0)
+    stiffness = np.array([wall.stiffness for wall in walls])
+    damping = np.array([wall.damping for wall in walls])
+    window = min(CYCLES * _slowest(device, hands, float(stiffness.min())), WATCHED)
+    rests = np.ones(len(walls), dtype=bool)
+    for block in blocks:
+        left = np.flatnonzero(rests)
+        if not left.size:
+            break
+        struck = [kicked[number] for number in block]
+        wall_of_lane = np.repeat(left, len(block))
+        handles = together(_scene(device, law), struck).of(np.tile(np.arange(len(block)), left.size))
+        controller, state = handles.firmware
+        controller = with_walls(controller, stiffness[wall_of_lane], damping[wall_of_lane])
+        handles = replace(handles, firmware=(controller, state))
+        numbers = np.tile(first + block, left.size)
+        kicks = _kicks(device, struck * left.size, numbers, damping[wall_of_lane], stiffness[wall_of_lane], PUSHES)
+        going = _struck(handles, kicks, window, FEWEST)
+        rests[wall_of_lane[going.lanes]] = False
+    return rests
+
+
+def _slowest(device: Device, hands: Hands, stiffness: float) -> float:
+    """Return the period of a handle on a wall, in the heaviest hand, s."""
+    return 2 * pi * sqrt((device.mass + hands.high.mass) / stiffness)
+
+
+def _few_then_others(count: int) -> list[NDArray[np.intp]]:
+    """Return the numbers from 0 to a count in two blocks: what many kicks keep moving is found in the first."""
+    return np.split(np.arange(count), [count // FEW])
 
 
 def _steps_and_friction(device: Device) -> tuple[float, float, float]:
@@ -146,13 +253,15 @@ def _scene(device: Device, law: Law) -> Scene:
     return Scene(device, stays, friction, replace(law, position_resolution=q), 0.0, 0, q_f)
 
 
-def _hands_kicked(hands: Hands, more: int) -> list[Hand]:
-    """Return the hand of each kick: each corner of a box several times, and `more` - 1 times as many all over it."""
+def _hands_kicked(hands: Hands) -> list[Hand]:
+    """Return the hand of each kick of a fixed set: each corner of a box several times."""
     corners = list(dict.fromkeys(hands.corners))
-    at_corners = [hand for hand in corners for _ in range(max(EACH, ceil(LEAST_KICKS / len(corners))))]
-    if len(corners) == 1:
-        return at_corners * more
-    return at_corners + _spread(hands, (more - 1) * LEAST_KICKS)
+    return [hand for hand in corners for _ in range(max(EACH, ceil(LEAST_KICKS / len(corners))))]
+
+
+def _hands_all_over(hands: Hands) -> list[Hand]:
+    """Return the hand of each further kick: `MORE` - 1 times as many as the least number, all over a box."""
+    return _spread(hands, (MORE - 1) * LEAST_KICKS)
 
 
 def _spread(hands: Hands, count: int) -> list[Hand]:
@@ -162,7 +271,14 @@ def _spread(hands: Hands, count: int) -> list[Hand]:
     return [Hand(*map(float, row)) for row in low + shares * (high - low)]
 
 
-def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Floats, pushes: float) -> Kicks:
+def _kicks(
+    device: Device,
+    hands: Sequence[Hand],
+    numbers: NDArray[np.intp],
+    damping: Floats,
+    stiffness: Floats,
+    pushes: float,
+) -> Kicks:
     """Return kicks that are spread evenly over speeds, places within a step, places of the hand and constant forces.
 
     Parameters
@@ -170,16 +286,17 @@ def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Fl
     device : Device
         What is struck.
     hands : Sequence[Hand]
-        The hand of each kick of a law.
+        The hand of each lane.
+    numbers : NDArray[np.intp]
+        The number of each lane's kick in the sequence that fills the box of kicks.
     damping, stiffness : Floats
-        What acts on the reading, N s/m and N/m: of one law, or of each lane of several laws one after the other.
+        What acts on the reading, N s/m and N/m: of one law, or of each lane.
     pushes : float
         Greatest constant force of the hand, as a share of the friction.
     """
     q, q_f, f = _steps_and_friction(device)
-    laws_struck = max(1, damping.size // len(hands))
-    spread = np.tile(np.mod(0.5 + np.arange(len(hands))[:, None] * EVENLY, 1.0), (laws_struck, 1))
-    of_hand = np.tile([hand.stiffness for hand in hands], laws_struck)
+    spread = np.mod(0.5 + numbers[:, None] * EVENLY, 1.0)
+    of_hand = np.array([hand.stiffness for hand in hands])
     T = device.sample_time
     if device.servo is not None:
         unit = np.zeros(())
@@ -196,12 +313,14 @@ def _kicks(device: Device, hands: Sequence[Hand], damping: Floats, stiffness: Fl
     )
 
 
-def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, longest: float) -> Going:
+def _struck(
+    handles: Together, kicks: Kicks, window: float, fewest: int, seconds: float = 0.0, longest: float = 0.0
+) -> Going:
     """Strike every lane once, and return those that go on moving.
 
     A lane is watched for one window after the other until it rests. After `seconds`, it goes on moving unless it falls:
-    unless its greatest amplitude in the last third of the run is less than that in the third before. One that falls is
-    watched further, for `longest` at most, and if it still falls then, it dies away. One that drifts on passes the
+    unless its amplitude in each of the last windows is less than in the one before. One that falls is watched further,
+    for `longest` at most, and if it has fallen in every window until then, it dies away. One that drifts on passes the
     steps of its reading, and does not go on moving either.
 
     Parameters
@@ -210,8 +329,12 @@ def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, long
         The lanes at rest.
     kicks : Kicks
         What strikes each of them.
-    window, seconds, longest : float
-        Times for which a lane is watched at once, until one that does not fall goes on moving, and at most, s.
+    window : float
+        Time for which a lane is watched at once, s.
+    fewest : int
+        Number of windows for which one that does not rest is watched, at least.
+    seconds, longest : float
+        Times until one that does not fall goes on moving, and at most, s.
     """
     device = handles.scene.device
     q = handles.scene.law.position_resolution
@@ -221,9 +344,9 @@ def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, long
     now["body"][names.index(POSITION)] = kicks.begins.copy()
     for name in chain(device, FLOATS).velocities if device.servo is None else ():
         now["body"][names.index(name)] = np.broadcast_to(kicks.speed, kicks.begins.shape).copy()
-    block = max(ceil(window / T), LEAST_SAMPLES)
-    most = max(min(ceil(longest / T), MOST_SAMPLES), 3 * block)
-    total = min(max(ceil(seconds / T), 3 * block), most)
+    block = max(min(ceil(window / T), MOST_SAMPLES // fewest), LEAST_SAMPLES)
+    most = max(min(ceil(longest / T), MOST_SAMPLES), fewest * block)
+    total = min(max(ceil(seconds / T), fewest * block), most)
     lanes, push = np.arange(kicks.begins.size), kicks.push
     travel, greatest = np.zeros(lanes.size), np.zeros(lanes.size)
     amplitudes, variations = np.zeros((0, lanes.size)), np.zeros((0, lanes.size))
@@ -264,12 +387,10 @@ def _struck(handles: Together, kicks: Kicks, window: float, seconds: float, long
 
 
 def _falls(amplitudes: Floats) -> NDArray[np.bool_]:
-    """Return whether each lane's greatest amplitude falls from the last third but one of the times to the last, by more
-    than rounding; `amplitudes` has the shape (times, lanes)."""
-    third = len(amplitudes) // 3
-    last = amplitudes[-third:].max(axis=0)
-    before = amplitudes[-2 * third : -third].max(axis=0)
-    return np.asarray(last < (1 - FALLS) * before)
+    """Return whether each lane's amplitude has fallen from every one of the last `WINDOWS` windows to the next, by more
+    than rounding; `amplitudes` has the shape (windows, lanes)."""
+    last = amplitudes[-WINDOWS:]
+    return np.asarray((last[1:] < (1 - FALLS) * last[:-1]).all(axis=0))
 
 
 def _worst(going: Going, hands: Sequence[Hand], world: World) -> Buzz:

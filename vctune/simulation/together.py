@@ -83,7 +83,9 @@ class Together:
         between = list[Number]()
         when = timing(device)
         lanes = self.wholes[0].shape[-1]
-        at = np.array([np.broadcast_to(value, (lanes,)) for value in values])
+        at = np.empty((len(values), lanes))
+        for row, value in enumerate(values):
+            at[row] = value
         intervals = when.intervals(device.sample_time)
         for (begin, end), whole, step in zip(intervals, self.wholes, self.steps, strict=True):
             at[n + COMMAND] = early if end <= when.early else late

@@ -9,7 +9,8 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem
-from vctune.simulation.kicks import Buzz, buzz
+from vctune.model.worlds import World
+from vctune.simulation.kicks import Buzz, bears_more_kicks, buzz
 from vctune.simulation.rings import Ringing, ringing
 from vctune.simulation.worlds import worlds_of
 
@@ -35,8 +36,24 @@ def ringing_of(posed: Posed, tightest: Device, gains: Gains, coupling: AnyCoupli
     return ringing(devices, hands_at_rest(problem), gains, coupling, worlds)
 
 
-def buzz_of(problem: Problem, rings: Ringing | None, gains: Gains, coupling: AnyCoupling, more: int = 1) -> Buzz | None:
-    """Return what kicks do to the device that rings most, or to the nominal one if none rings; `more` times as many."""
-    device, slow = (problem.device.undisturbed.bare, 0.0) if rings is None else (rings.device, rings.time_constant)
+def buzz_of(problem: Problem, rings: Ringing | None, gains: Gains, coupling: AnyCoupling) -> Buzz | None:
+    """Return what kicks do to the device that rings most, or to the nominal one if none rings."""
+    return buzz(*_kicked(problem, rings, gains, coupling))
+
+
+def stays_calm(problem: Problem, rings: Ringing | None, gains: Gains, coupling: AnyCoupling) -> bool:
+    """Return whether neither the kicks of `buzz_of` nor many more keep that device moving."""
+    kicks = buzz_of(problem, rings, gains, coupling)
+    if kicks is None:
+        return True
+    return kicks.moving == 0 and bears_more_kicks(*_kicked(problem, rings, gains, coupling))
+
+
+def _kicked(
+    problem: Problem, rings: Ringing | None, gains: Gains, coupling: AnyCoupling
+) -> tuple[Device, Hands, Gains, AnyCoupling, tuple[World, ...], float]:
+    """Return the device, the hands, the law, the environments and the time constant of kicks."""
+    device = problem.device.undisturbed.bare if rings is None else rings.device
+    time_constant = 0.0 if rings is None else rings.time_constant
     worlds = tuple(worlds_of(problem.worlds, rigid=problem.rigid))
-    return buzz(device, hands_at_rest(problem), gains, coupling, worlds, slow, more)
+    return device, hands_at_rest(problem), gains, coupling, worlds, time_constant

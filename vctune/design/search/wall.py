@@ -17,7 +17,7 @@ from vctune.analysis.damped import WallOnCurve
 from vctune.analysis.extrema import last_to_hold
 from vctune.analysis.in_hands import least_up_to
 from vctune.analysis.loops_in_hands import answers, loops_in_any_hand
-from vctune.design.judging.kicked import buzz_of, hands_at_rest, ringing_of
+from vctune.design.judging.kicked import hands_at_rest, ringing_of, stays_calm
 from vctune.design.prepared import Posed
 from vctune.design.search.first_proved import RATIO_RESERVE, RESERVE, Law, LookedAt, Proved, first_proved
 from vctune.design.variables import design_of, point, rounded
@@ -26,7 +26,7 @@ from vctune.model.gains import Gains, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.rest import greatest_at_rest, read_in_steps, step_of_damper
 from vctune.running import boxes_at_most, check_time
-from vctune.simulation.kicks import calm
+from vctune.simulation.kicks import calm, calm_all_over
 
 PER_DECADE = 480  # angles for any passive hand
 # First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
@@ -38,11 +38,11 @@ GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, 
 
 # Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio
 # of its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
-# neighbours; walls that are kicked together; and how many times as many kicks a wall bears
+# neighbours; number of finer grids; and walls that are kicked together, by the fixed kicks and by those all over a box
 SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
 DOWN, SOFTEST = 0.7, 2e-3
-PARTS = 6
-TOGETHER, MORE = 64, 16
+PARTS, FINER = 6, 2
+TOGETHER, ALL_OVER = 64, 4
 ROUNDED = 1e-9  # Share within which two stiffnesses are one
 
 Bears = Callable[[SpringDamper], bool]  # whether a device seems to bear a wall and what it must be able to bear
@@ -178,27 +178,31 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
         for stiffness in _down(min(stable(damping), most), least, DOWN)
     ]
     best = _stiffest_calm(posed, walls)
-    if best is None:
-        return None
-    ratio = DOWN ** (1 / PARTS)
-    stiffer = [best.stiffness / ratio**step for step in range(1, 2 * PARTS)]
-    walls = [
-        SpringDamper(damping, stiffness)
-        for damping in _finer(dampings, best.damping)
-        for stiffness in stiffer
-        if stiffness <= min(stable(damping), most)
-    ]
-    return _stiffest_calm(posed, walls) or best
+    ratio = DOWN
+    for _ in range(FINER):
+        if best is None:
+            break
+        ratio **= 1 / PARTS
+        greatest = min(most, best.stiffness / ratio ** (2 * PARTS))
+        dampings = _finer(dampings, best.damping)
+        walls = [
+            SpringDamper(damping, stiffness)
+            for damping in dampings
+            for stiffness in _down(min(stable(damping), greatest), best.stiffness / ratio**0.5, ratio)
+        ]
+        best = _stiffest_calm(posed, walls) or best
+    return best
 
 
 def _stiffest_calm(posed: Posed, walls: Sequence[SpringDamper]) -> SpringDamper | None:
     """Return the stiffest of several walls that are calm, as those tell that are kicked together and then alone."""
-    device, hands = posed.problem.device.undisturbed.bare, hands_at_rest(posed.problem)
+    device = posed.problem.device.undisturbed.bare
+    hands = hands_at_rest(posed.problem)
     candidates = [_rounded(posed, wall) for wall in sorted(walls, key=lambda wall: -wall.stiffness)]
     for batch in _batches(candidates, TOGETHER):
         bearing = [wall for wall, rests in zip(batch, calm(device, hands, batch), strict=True) if rests]
-        for few in _batches(bearing, TOGETHER // MORE):
-            for wall, rests in zip(few, calm(device, hands, few, MORE), strict=True):
+        for few in _batches(bearing, ALL_OVER):
+            for wall, rests in zip(few, calm_all_over(device, hands, few), strict=True):
                 if rests and _is_calm(posed, wall):
                     return wall
     return None
@@ -210,10 +214,9 @@ def _batches(walls: Sequence[SpringDamper], count: int) -> list[Sequence[SpringD
 
 
 def _is_calm(posed: Posed, wall: SpringDamper) -> bool:
-    """Return whether none of `MORE` times as many kicks keeps a wall moving on the device that rings most."""
+    """Return whether no kick, nor any of many more, keeps a wall moving on the device that rings most."""
     rings = ringing_of(posed, posed.problem.device, NO_LOOP, wall)
-    kicks = buzz_of(posed.problem, rings, NO_LOOP, wall, MORE)
-    return kicks is None or kicks.moving == 0
+    return stays_calm(posed.problem, rings, NO_LOOP, wall)
 
 
 def _down(most: float, least: float, ratio: float) -> list[float]:
