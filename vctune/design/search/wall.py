@@ -37,11 +37,11 @@ HALVINGS, STEPS = 30, 20  # of the logarithm of the stiffness, and of the range 
 GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, and as a share of the greatest
 
 # Of calm walls: dampings of the grid, over the lesser of what the friction holds and that of the stiffest wall; ratio
-# of its stiffnesses, and the least over the greatest; parts into which a finer grid divides the distances to the
-# neighbours; number of finer grids; and walls that are kicked together, by the fixed kicks and by those all over a box
+# of its stiffnesses, and the least over the greatest; parts into which each finer grid divides the distances to the
+# neighbours; and walls that are kicked together, by the fixed kicks and by those all over a box
 SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
 DOWN, SOFTEST = 0.7, 2e-3
-PARTS, FINER = 6, 2
+PARTS = (6, 3)
 TOGETHER, ALL_OVER = 64, 4
 ROUNDED = 1e-9  # Share within which two stiffnesses are one
 
@@ -179,12 +179,12 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
     ]
     best = _stiffest_calm(posed, walls)
     ratio = DOWN
-    for _ in range(FINER):
+    for parts in PARTS:
         if best is None:
             break
-        ratio **= 1 / PARTS
-        greatest = min(most, best.stiffness / ratio ** (2 * PARTS))
-        dampings = _finer(dampings, best.damping)
+        greatest = min(most, best.stiffness / ratio)  # from there on, all of the coarser grid have been tried
+        ratio **= 1 / parts
+        dampings = _finer(dampings, best.damping, parts)
         walls = [
             SpringDamper(damping, stiffness)
             for damping in dampings
@@ -226,9 +226,9 @@ def _down(most: float, least: float, ratio: float) -> list[float]:
     return [most * ratio**step for step in range(1 + int(log(least / most) / log(ratio) + ROUNDED))]
 
 
-def _finer(values: list[float], value: float) -> list[float]:
-    """Return the values from one neighbour of a value to the other, with the distances divided into `PARTS`."""
+def _finer(values: list[float], value: float, parts: int) -> list[float]:
+    """Return the values from one neighbour of a value to the other, with the distances divided into parts."""
     k = int(np.argmin(np.abs(np.array(values) - value)))
     beside = values[max(k - 1, 0) : k + 2]
-    places = np.linspace(0, len(beside) - 1, PARTS * (len(beside) - 1) + 1)
+    places = np.linspace(0, len(beside) - 1, parts * (len(beside) - 1) + 1)
     return np.interp(places, range(len(beside)), beside).tolist()
