@@ -355,7 +355,8 @@ def _struck(
         now, places, forces = _watched(handles, now, push, block)
         ripple, drift = _ripple(places)
         varies = np.ptp(forces, axis=0)
-        amplitudes = np.vstack([amplitudes, ripple])
+        # not the ripple: a line through a few periods has a slope that depends on where they begin
+        amplitudes = np.vstack([amplitudes, np.ptp(places, axis=0) / 2])
         variations = np.vstack([variations, varies])
         travel = np.maximum(travel, ripple)
         greatest = np.maximum(greatest, np.abs(forces).max(axis=0))
