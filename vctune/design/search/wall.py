@@ -42,6 +42,7 @@ GREATEST, LEAST = 4.0, 1e-6  # stiffness that is tried, times T over m/lag + b, 
 SHARES = np.append(0.0, np.geomspace(0.01, 1.5, 20))
 DOWN, SOFTEST = 0.7, 2e-3
 PARTS = (6, 3)
+BEYOND = 8  # Dampings from what the friction holds to that of the stiffest wall
 TOGETHER, ALL_OVER = 64, 4
 ROUNDED = 1e-9  # Share within which two stiffnesses are one
 
@@ -171,7 +172,10 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
     most = max(min(stiffest.stiffness, greatest_at_rest(posed.problem.device) or inf), bounds.stiffness.min)
     least = max(bounds.stiffness.min, SOFTEST * most)
     scale = min(_damper_held(posed.problem.device), stiffest.damping)
-    dampings = np.unique(np.clip(scale * SHARES, bounds.damping.min, bounds.damping.max)).tolist()
+    # friction may hold less damping than a demanded damping ratio takes
+    more = np.geomspace(scale, stiffest.damping, BEYOND) if scale < stiffest.damping else []
+    shares = np.append(scale * SHARES, more)
+    dampings = np.unique(np.clip(shares, bounds.damping.min, bounds.damping.max)).tolist()
     walls = [
         SpringDamper(damping, stiffness)
         for damping in dampings
