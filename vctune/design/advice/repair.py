@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from math import inf
+from math import inf, isclose
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ from vctune.running import (
 )
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
+SAME_YARDSTICK = 1e-6  # Relative difference of two Z_0 up to which errors are on one yardstick
 TOLD = 3  # Greatest number of changes that are listed because none of them suffices alone
 MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found
 # Greatest number of designs that a search proves, and number of them for which a solved problem counts; greatest number
@@ -288,7 +289,7 @@ class _Search:
                 more = size * (1 + share)
                 if (error := self.proved(pair, more)) is not None:
                     values = zip(pair.both, pair.values(more), strict=True)
-                    return [_repair(change, new, error) for change, new in values]
+                    return [self.repair(change, new, error) for change, new in values]
         return []
 
     def wants(self, change: ParameterChange) -> bool:
@@ -326,7 +327,7 @@ class _Search:
                 exact = share == 0 and least == self.solved.get(change.key)
                 new = least if exact else change.rounded(least + share * (least - change.old))
                 if (error := self.proved(change, new)) is not None:
-                    self.found.append(_repair(change, new, error))
+                    self.found.append(self.repair(change, new, error))
                     return True
                 if len(self.hands) > known:
                     break
@@ -345,12 +346,12 @@ class _Search:
         if (error := self.proved(change, new)) is None:
             return False
         known = len(self.found)
-        self.found.append(_repair(change, new, error))
+        self.found.append(self.repair(change, new, error))
         if bad > 0 and not change.switch:
             _, least = self.bracket(change, bad, good, HALVINGS_SOLVED)
             near = change.rounded(least + NEAR * (least - change.old))
             if abs(near - change.old) < abs(new - change.old) and (error := self.proved(change, near)) is not None:
-                self.found[known] = _repair(change, near, error)
+                self.found[known] = self.repair(change, near, error)
         return True
 
     def limit_proved(self, change: ParameterChange, bad: float, good: float) -> bool:
@@ -366,7 +367,7 @@ class _Search:
                 bad = middle
             else:
                 new, error = middle, other
-        self.found.append(_repair(change, new, error))
+        self.found.append(self.repair(change, new, error))
         return True
 
     def proved(self, change: AnyChange, new: float) -> float | None:
@@ -410,16 +411,22 @@ class _Search:
                     ends = inner
         return None
 
-
-def _repair(change: ParameterChange, new: float, error: float) -> Repair:
-    return Repair(
-        key=change.key,
-        old=change.old,
-        new=new,
-        change=change.meaning,
-        needs=change.line(new),
-        assumes=change.assumes,
-        chooses=change.chooses,
-        size=change.size(new),
-        error=error,
-    )
+    def repair(self, change: ParameterChange, new: float, error: float) -> Repair:
+        """Return a change that suffices, with the Z_0 of its error where that is another than the problem's."""
+        before, after = self.posed(self.document), self.problem(change, new)
+        assert after is not None
+        impedance = after.transparency.reference_impedance
+        known = inf if before is None else before.transparency.reference_impedance
+        same = isclose(known, impedance, rel_tol=SAME_YARDSTICK)
+        return Repair(
+            key=change.key,
+            old=change.old,
+            new=new,
+            change=change.meaning,
+            needs=change.line(new),
+            assumes=change.assumes,
+            chooses=change.chooses,
+            size=change.size(new),
+            error=error,
+            **({} if same else {"reference_impedance": impedance}),
+        )
