@@ -206,9 +206,11 @@ def find_repairs(
                     together = again.pair(asked)
         if search.found:
             return Found(_offered(search.found, solved), together=together)
+        if not whole and not together:
+            return Found()
         tried = sorted(asked, key=lambda change: (change.assumes, not change.chooses))
         named = dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in tried)
-        return Found([], list(named)[:TOLD] if whole else [], together)
+        return Found([], list(named)[:TOLD], together)
     return Found(_offered(search.found, solved) or None)
 
 
