@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from math import inf, isclose
+from math import inf, isclose, nan
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -291,7 +291,7 @@ class _Search:
                 more = size * (1 + share)
                 if (error := self.proved(pair, more)) is not None:
                     values = zip(pair.both, pair.values(more), strict=True)
-                    return [self.repair(change, new, error) for change, new in values]
+                    return [self.repair(change, new, error, pair, more) for change, new in values]
         return []
 
     def wants(self, change: ParameterChange) -> bool:
@@ -329,7 +329,7 @@ class _Search:
                 exact = share == 0 and least == self.solved.get(change.key)
                 new = least if exact else change.rounded(least + share * (least - change.old))
                 if (error := self.proved(change, new)) is not None:
-                    self.found.append(self.repair(change, new, error))
+                    self.found.append(self.repair(change, new, error, change, new))
                     return True
                 if len(self.hands) > known:
                     break
@@ -348,12 +348,12 @@ class _Search:
         if (error := self.proved(change, new)) is None:
             return False
         known = len(self.found)
-        self.found.append(self.repair(change, new, error))
+        self.found.append(self.repair(change, new, error, change, new))
         if bad > 0 and not change.switch:
             _, least = self.bracket(change, bad, good, HALVINGS_SOLVED)
             near = change.rounded(least + NEAR * (least - change.old))
             if abs(near - change.old) < abs(new - change.old) and (error := self.proved(change, near)) is not None:
-                self.found[known] = self.repair(change, near, error)
+                self.found[known] = self.repair(change, near, error, change, near)
         return True
 
     def limit_proved(self, change: ParameterChange, bad: float, good: float) -> bool:
@@ -369,7 +369,7 @@ class _Search:
                 bad = middle
             else:
                 new, error = middle, other
-        self.found.append(self.repair(change, new, error))
+        self.found.append(self.repair(change, new, error, change, new))
         return True
 
     def proved(self, change: AnyChange, new: float) -> float | None:
@@ -413,13 +413,13 @@ class _Search:
                     ends = inner
         return None
 
-    def repair(self, change: ParameterChange, new: float, error: float) -> Repair:
-        """Return a change that suffices, with the Z_0 of its error where that is another than the problem's."""
-        before, after = self.posed(self.document), self.problem(change, new)
-        assert after is not None
-        impedance = after.transparency.reference_impedance
-        known = inf if before is None else before.transparency.reference_impedance
-        same = isclose(known, impedance, rel_tol=SAME_YARDSTICK)
+    def repair(self, change: ParameterChange, new: float, error: float, whole: AnyChange, size: float) -> Repair:
+        """Return a change that suffices, as a part of a whole one of some size, with the Z_0 of its error where that is
+        another than the problem's."""
+        before = self.posed(self.document)
+        after = self.problem(whole, size)
+        impedances = [nan if each is None else each.transparency.reference_impedance for each in (before, after)]
+        same = isclose(*impedances, rel_tol=SAME_YARDSTICK)
         return Repair(
             key=change.key,
             old=change.old,
@@ -430,5 +430,5 @@ class _Search:
             chooses=change.chooses,
             size=change.size(new),
             error=error,
-            **({} if same else {"reference_impedance": impedance}),
+            **({} if same else {"reference_impedance": impedances[1]}),
         )
