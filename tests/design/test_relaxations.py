@@ -48,11 +48,8 @@ def test_a_warning_fails_it_strictly_and_the_page_says_the_same_in_no_stamp(firs
     assert run("solve", "first.toml", "--strict", "--no-report", "--out", "strict", cwd=folder).returncode == 1
     page = (folder / "results/first/report.html").read_text()
     next_step = re.search(r"Next:<.b>(.*)", page)[1]
-    assert (
-        "of little use" in page
-        and "stability.criterion = "hands"" in next_step
-        and "0.541 for 1.87" in next_step
-    )
+    assert "of little use" in page and "0.541 for 1.87" in next_step
+    assert 'stability.criterion = "hands"' in next_step
     assert "of little use" not in page.partition("<svg")[2]
 
 
