@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -22,6 +24,7 @@ from unittest.mock import patch
 
 from vctune import interrupt
 
+PROGRESS = re.compile(r"^vctune [a-z]+( \S+)?: .*\n", re.MULTILINE)
 PATIENCE = 300.0
 """What nothing here takes on the busiest machine, s; a wait that long has failed."""
 
@@ -36,11 +39,15 @@ class Done(NamedTuple):
 
 def run(*arguments, cwd, report: bool = False) -> Done:
     """Run a command in this process; a warning is an error, a design has no report unless it is wanted."""
+    from vctune.cli import runner
     from vctune.cli.main import execute
 
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", errors="backslashreplace") for _ in range(2))
     command = ["vctune", *_brief(arguments, report=report)]
-    with chdir(cwd), redirect_stdout(out), redirect_stderr(err), patch.object(sys, "argv", command):
+    with (
+        chdir(cwd), redirect_stdout(out), redirect_stderr(err),
+        patch.object(sys, "argv", command), patch.object(runner, "BETWEEN", math.inf),
+    ):  # fmt: skip
         code = execute()
     return Done(code, *(_read(stream) for stream in (out, err)))
 
@@ -56,10 +63,17 @@ def _read(stream) -> str:
 
 def process(*arguments, cwd, report: bool = False, **env) -> subprocess.CompletedProcess:
     """Run a command as a process of its own, with more variables in its environment."""
-    return subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "vctune", *_brief(arguments, report=report)],
         cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, env={**os.environ, **env},
     )  # fmt: skip
+    done.stderr = without_progress(done.stderr)
+    return done
+
+
+def without_progress(text: str) -> str:
+    """Return what a command printed without the lines of progress that a slow machine adds."""
+    return PROGRESS.sub("", text)
 
 
 def started(*arguments, cwd, **options) -> subprocess.Popen:

@@ -55,12 +55,18 @@ def time_limit_of_command(seconds: float) -> Iterator[None]:
 def ended_by_interrupt() -> Iterator[None]:
     """Let Ctrl-C end the time of the work within the block, so that what it has found is kept; a second one
     interrupts."""
-    with interrupt_noted() as came:
-        token = _STOPPED.set(came)
-        try:
-            yield
-        finally:
-            _STOPPED.reset(token)
+    with interrupt_noted() as came, ended_by(came):
+        yield
+
+
+@contextmanager
+def ended_by(stopped: Callable[[], bool]) -> Iterator[None]:
+    """End the time of the work within the block when a function returns true."""
+    token = _STOPPED.set(stopped)
+    try:
+        yield
+    finally:
+        _STOPPED.reset(token)
 
 
 @contextmanager

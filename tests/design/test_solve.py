@@ -192,7 +192,7 @@ def test_a_delay_has_sensible_defaults_and_no_cliff():
 def test_warnings_name_bounds_edges_and_idle_loops():
     solved = solve(read("at-bound"))
     said = {note.code: note.text for note in warnings(solved.problem, solved.judgement)}
-    assert list(said) == ["warn-bound", "warn-band-edge", "warn-idle"]
+    assert list(said) == ["warn-bound", "warn-band-edge", "warn-limp", "warn-idle"]
     assert "gains.velocity is on its lower bound" in said["warn-bound"]
 
 

@@ -164,6 +164,8 @@ def test_no_doubt_about_a_problem_is_without_its_smallest_file() -> None:
         "warn-bound",
         "warn-buzzes",
         "warn-idle",
+        "warn-limp",
+        "warn-margin",
         "warn-rings",
     }
     of_logs = {"warn-gain", "warn-residual", "warn-yields"}

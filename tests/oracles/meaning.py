@@ -1403,6 +1403,7 @@ DESIGN: dict[str, Oracle] = {
     "problem.name": NAME,
     "problem.sha256": DIGEST,
     "problem.text": text_of,
+    "problem.source": NAME,
     "problem.units": lambda case, _: Said(case.device.get("units", "linear")),
     "status": status,
     "reason": WORDS,
@@ -1566,6 +1567,9 @@ DESIGN: dict[str, Oracle] = {
         for name in ("key", "old", "new", "change", "needs", "assumes", "size", "error")
     },
     "repairs[].chooses": Elsewhere("design/test_ros.py"),
+    **{f"{of}[].reference_impedance": Elsewhere("design/test_relaxations.py") for of in ("repairs", "together")},
+    **{f"relaxations[].{name}": Elsewhere("design/test_relaxations.py") for name in ("needs", "error", "instead_of")},
+    **_device("ringing.device"),
     **{
         f"together[].{name}": Elsewhere("design/test_pairs.py")
         for name in ("key", "old", "new", "change", "needs", "assumes", "chooses", "size", "error")

@@ -244,7 +244,7 @@ def others(case: Case, part: Part) -> Any:
 
 REGION: dict[str, Oracle] = {
     "schema": lambda *_: Said("vctune/region/1"),
-    **{f"problem.{name}": DESIGN[f"problem.{name}"] for name in ("name", "sha256", "text", "units")},
+    **{f"problem.{name}": DESIGN[f"problem.{name}"] for name in ("name", "sha256", "text", "units", "source")},
     "demands.safety_factor": lambda case, _: case.factor,
     "demands.max_sensitivity": lambda case, _: case.tables["stability"].get("max_sensitivity", 2.0),
     "demands.criterion": lambda case, _: Said(case.criterion),

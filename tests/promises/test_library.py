@@ -174,6 +174,7 @@ def test_what_the_command_finds(wheel, solved, tmp_path):
     (tmp_path / "wheel.toml").write_text(wheel.text)
     assert run("solve", "wheel.toml", cwd=tmp_path).returncode == vctune.ExitCode.OK
     made, commanded = (json.loads(at.read_text()) for at in (path, tmp_path / "results/_wheel_/design.json"))
+    assert commanded["problem"].pop("source") == "wheel.toml" != made["problem"].pop("source")
     for key in ("status", "gains", "coupling", "transparency", "certificate", "warnings", "problem"):
         assert made[key] == commanded[key]
     assert vctune.write_report(path, tmp_path / "elsewhere").read_text().startswith("<!")

@@ -12,6 +12,7 @@ from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
 import pytest
+from command import without_progress
 from conftest import ROOT
 
 README = (ROOT / "README.md").read_text()
@@ -28,7 +29,7 @@ def printed(block: str, folder: Path) -> list[str]:
             ["bash", "-c", command], cwd=folder, env=env, check=False, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
-        lines += [f"$ {command}", *(line.rstrip() for line in done.stdout.splitlines())]
+        lines += [f"$ {command}", *(line.rstrip() for line in without_progress(done.stdout).splitlines())]
     return lines
 
 

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
+from command import without_progress
 from conftest import ROOT
 from test_readme import NUMBER
 
@@ -41,7 +42,7 @@ def printed_today(text, folder):
             command, cwd=folder, env=surroundings, text=True, check=False, stdout=-1, stderr=subprocess.STDOUT
         )
         assert done.returncode == 0, done.stdout
-        return "".join(f"{line.rstrip()}\n" for line in done.stdout.splitlines())
+        return "".join(f"{line.rstrip()}\n" for line in without_progress(done.stdout).splitlines())
 
     def run(block):
         if block[1] == "python":

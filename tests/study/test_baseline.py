@@ -256,9 +256,9 @@ def test_wrong_use_of_region(tmp_path, name):
 
 @pytest.fixture
 def interrupted(baseline, tmp_path, monkeypatch):
-    """The folder of a region at 1/32 that was interrupted before the third batch of cells."""
+    """The folder of a region at 1/32 that was interrupted in the midst of its cells."""
     shutil.copy(baseline / "device.toml", tmp_path)
-    strike(monkeypatch, 3, signal.SIGTERM)
+    strike(monkeypatch, 3000, signal.SIGTERM)
     done = run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path)
     assert done.returncode == ExitCode.UNDECIDED and "[interrupted]" in done.stderr
     assert "%  interrupted: the search did not examine the whole plane\n" in done.stdout

@@ -98,11 +98,12 @@ class AdmissibleGains:
         yield from ((line,) for line in lines)
 
     def files(self, folder: Path) -> Files:
-        """Return region.json and its picture, also of a search that the time limit has ended: then without contours."""
+        """Return region.json and its picture, also of a search that the time limit or a signal has ended: then without
+        contours."""
         from vctune.report.region_figure import region_figure
         from vctune.report.style import picture
 
-        contours = not out_of_time()
+        contours = not (out_of_time() or self.region.interrupted)
         with unlimited():
             shown = self.designs, self.marked, self.measured
             figure = region_figure(self.file.problem, self.region, *shown, contours=contours)

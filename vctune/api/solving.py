@@ -26,7 +26,6 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
-from vctune.document.records.part import text
 from vctune.document.text.errors import InputError, has_code, printable
 from vctune.document.text.output_files import make_folder, today
 from vctune.document.text.toml import called
@@ -184,6 +183,8 @@ def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Save
     from vctune.design.nlp.nlp import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
+    named = record.problem.model_copy(update={"source": file.source})
+    record = record.model_copy(update={"problem": named})
     doubts = [warning for warning in record.warnings if not has_code(warning, "time-limit")]
     searched = all(stage in AFTERWARDS for stage in solved.cut)
     if strict and doubts and searched:
@@ -191,6 +192,17 @@ def designed(file: ProblemFile, solved: Solved, *, strict: bool = False) -> Save
     whole = searched and (solved.optimality is None or solved.optimality.proved)
     undecided = not whole and solved.status is Status.CERTIFIED
     return SavedDesign(file, record, ExitCode.UNDECIDED if undecided else code_of(solved.status))
+
+
+def replaced_by(file: ProblemFile, folder: Path) -> str | None:
+    """Return the file of another problem whose design is in a folder; None without one."""
+    try:
+        before = json.loads((folder / DESIGN_FILE).read_text(encoding="utf-8"))["problem"]["source"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if not isinstance(before, str) or not Path(before).is_file() or not Path(file.source).is_file():
+        return None
+    return None if Path(before).samefile(file.source) else before
 
 
 def rows_of(record: DesignRecord) -> Printed:
@@ -229,7 +241,7 @@ def advice_of(record: DesignRecord, warnings: Sequence[str]) -> Printed:
 
 
 def _repair(repair: Repair, width: int) -> Line:
-    end = f"  instead of {repair.told_old}: {repair.change}, error {text(repair.error, 4)}"
+    end = f"  instead of {repair.told_old}: {repair.change}, {repair.told_error}"
     return "  ", (repair.needs.ljust(width), "bold"), end
 
 

@@ -63,9 +63,15 @@ class Run:
             yield lambda stage: None
             return
         if not sys.stderr.isatty():
-            tell = _now_and_then(" ".join(["vctune", self.command, *names]))
-            with progress_sent_to(tell):
-                yield tell
+            tell, part = _now_and_then(" ".join(["vctune", self.command, *names])), ""
+
+            def tell_part(stage: str) -> None:
+                nonlocal part
+                part = f"{stage}; "
+                tell(stage)
+
+            with progress_sent_to(lambda share: tell(f"{part}{share}")):
+                yield tell_part
             return
         from rich.console import Console
         from rich.text import Text

@@ -67,6 +67,13 @@ class Repair(RecordPart):
     chooses: bool  # whether it changes a gain or the coupling, not the device
     size: float  # change relative to the greater of the two values, by which repairs are ordered
     error: float  # transparency error of the repaired design
+    reference_impedance: float | None = None  # Z_0 of this error, N s/m, if it is not the problem's
+
+    @property
+    def told_error(self) -> str:
+        """The error in words, with its yardstick if it is another than the problem's."""
+        own = "" if self.reference_impedance is None else f" of its own Z_0 = {text(self.reference_impedance, 4)}"
+        return f"error {text(self.error, 4)}{own}"
 
     def __str__(self) -> str:
         whole = self.turns_off or self.needs.startswith(f"{self.key}:")  # a line of YAML

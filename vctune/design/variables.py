@@ -12,6 +12,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]  # The variables of a design in their order
+SHOWN_DIGITS = 6  # Digits to which a value on a bound above 0 equals it: a search ends beside it
 CORNER = 5  # Index of the corner frequency w_c in a `Point`
 
 
@@ -103,3 +104,13 @@ def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> boo
     """Return whether a value equals a bound to `digits` digits or, for the bound 0, is negligible beside the upper
     bound."""
     return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else 10.0 ** (-1 - digits) * bounds.max)
+
+
+def touched(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[tuple[str, str]]:
+    """Return the dotted keys of the free variables that lie on a bound, with the side."""
+    sides_touched = list[tuple[str, str]]()
+    for key, value, bounds in zip(keys_for(problem), point(gains, coupling), ranges(problem), strict=True):
+        sides = () if bounds.fixed else (("upper", bounds.max), ("lower", bounds.min))
+        sides_touched += [(key, side) for side, edge in sides if edge and near(value, edge, bounds, SHOWN_DIGITS)]
+        sides_touched += [(key, side) for side, edge in sides if not edge and near(value, edge, bounds)]
+    return sides_touched

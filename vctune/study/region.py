@@ -23,11 +23,11 @@ from vctune.proof.boxes import Cells
 from vctune.proof.cells import Places, no_damping, proved_cells, refuted
 from vctune.proof.claims.hands import HANDS
 from vctune.proof.enclosures.intervals import Flags
-from vctune.running import OutOfTimeError, out_of_time
+from vctune.running import OutOfTimeError, ended_by, out_of_time
 from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import COUPLING_DAMPING, changes, estimate
 
-CELLS_AT_ONCE = 512  # Number of cells that the search judges together; the data of this many cells fit into memory
+CELLS_AT_ONCE = 64  # Number of cells that the search judges together, and loses when it is interrupted
 EASING = "coupling.mass", "coupling.drag"  # Variables whose growth makes the constraints easier to meet
 
 Progress = Callable[[str], None]
@@ -73,7 +73,8 @@ def region(
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
         first, remaining = np.split(squares, [CELLS_AT_ONCE], axis=1)
         try:
-            kinds, damping = _judged(problems, plane, first)
+            with ended_by(stopped):
+                kinds, damping = _judged(problems, plane, first)
         except OutOfTimeError:
             break
         squares = remaining

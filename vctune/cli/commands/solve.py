@@ -59,13 +59,17 @@ def _solve(run: Run, problems: tuple[Path, ...], out: Path, *, report: bool, str
     """Solve problems one after the other, write and print their designs, and return the worst exit code."""
     from vctune import read_problem
     from vctune.api.result import design_folder, write
-    from vctune.api.solving import advised, designed, proved
+    from vctune.api.solving import advised, designed, proved, replaced_by
 
     files = [read_problem(problem) for problem in problems]
     folders = [design_folder(file, out) for file in files]
     if len(set(folders)) < len(folders):
         raise click.UsageError("two problems have the same name, and so the same folder; give one another `name`")
     run.doubt(*files)
+    for file, folder in zip(files, folders, strict=True):
+        if other := replaced_by(file, folder):
+            both = f"{other} and {file.source} are both named {file.problem.name!r}"
+            run.warn("warn-name", f"{folder} holds the design of {other}, which this one replaces: {both}")
     designs = []
     for problem, file, folder in zip(problems, files, folders, strict=True):
         with run.progress(problem.name) as progress:

@@ -8,10 +8,9 @@ from typing import Any
 
 from vctune.analysis.demands import transparency_error
 from vctune.design.judging.judge import Judgement, Status
-from vctune.design.records.felt import holds_no_static_force
-from vctune.design.records.warned import touched
 from vctune.design.result import Relaxation, Solved
 from vctune.design.solve import solve
+from vctune.design.variables import touched
 from vctune.document.reading import ProblemFile, problem_at
 from vctune.document.schema.validation import KeyPath
 from vctune.document.text import toml
@@ -27,18 +26,16 @@ WORTH = 0.95  # Greatest error of a relaxed design worth telling, over that of t
 Progress = Callable[[str], None]
 
 
-def is_of_little_use(problem: Problem, judgement: Judgement) -> bool:
+def is_of_little_use(judgement: Judgement) -> bool:
     """Return whether a certified design holds no static force or hardly uses its velocity loop."""
-    if judgement.status is not Status.CERTIFIED:
-        return False
-    return judgement.idle or holds_no_static_force(problem, judgement.gains)
+    return judgement.status is Status.CERTIFIED and (judgement.idle or judgement.limp)
 
 
 def with_relaxations(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
     """Return the result of a problem, if its design is of little use with the relaxations after which the error, on the
     same yardstick, is less and the design is of more use, the best first."""
     judgement, problem = solved.judgement, solved.problem
-    if judgement is None or problem.bounds.fixed or not is_of_little_use(problem, judgement):
+    if judgement is None or problem.bounds.fixed or not is_of_little_use(judgement):
         return solved
     document = toml.parse(file.text, problem.name)
     relaxations = list[Relaxation]()
@@ -50,7 +47,7 @@ def with_relaxations(file: ProblemFile, solved: Solved, progress: Progress = lam
             if other is None or other.status is not Status.CERTIFIED:
                 continue
             error = transparency_error(problem, other.gains, other.coupling).error
-            if error < WORTH * judgement.error and not is_of_little_use(relaxed, other):
+            if error < WORTH * judgement.error and not is_of_little_use(other):
                 relaxations.append(Relaxation(needs=needs, error=error, instead_of=judgement.error))
     except OutOfTimeError:
         solved = replace(solved, cut=(*solved.cut, RELAXATIONS))
@@ -62,7 +59,7 @@ def _relaxed(document: dict[str, Any], problem: Problem, judgement: Judgement) -
     changes = list[tuple[str, KeyPath, Any]]()
     if problem.stability.criterion in ("passive", "both"):
         changes.append(('stability.criterion = "hands"', ("stability", "criterion"), "hands"))
-    for key, side in touched(problem, judgement):
+    for key, side in touched(problem, judgement.gains, judgement.coupling):
         table, name = key.split(".")
         end = "max" if side == "upper" else "min"
         if number_at(document, table, name, end) is not None:

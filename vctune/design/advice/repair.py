@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from math import inf
+from math import inf, isclose, nan
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ from vctune.running import (
 )
 
 REPAIRS = "the repairs"  # Name of a stage that a time limit may cut short
+SAME_YARDSTICK = 1e-6  # Relative difference of two Z_0 up to which errors are on one yardstick
 TOLD = 3  # Greatest number of changes that are listed because none of them suffices alone
 MOST, ASSUMED = 4, 1  # Greatest number of repairs, and number of them that may change an assumption if others are found
 # Greatest number of designs that a search proves, and number of them for which a solved problem counts; greatest number
@@ -205,9 +206,11 @@ def find_repairs(
                     together = again.pair(asked)
         if search.found:
             return Found(_offered(search.found, solved), together=together)
+        if not whole and not together:
+            return Found()
         tried = sorted(asked, key=lambda change: (change.assumes, not change.chooses))
         named = dict.fromkeys(f"{change.key} to {change.limit:.3g}" for change in tried)
-        return Found([], list(named)[:TOLD] if whole else [], together)
+        return Found([], list(named)[:TOLD], together)
     return Found(_offered(search.found, solved) or None)
 
 
@@ -288,7 +291,7 @@ class _Search:
                 more = size * (1 + share)
                 if (error := self.proved(pair, more)) is not None:
                     values = zip(pair.both, pair.values(more), strict=True)
-                    return [_repair(change, new, error) for change, new in values]
+                    return [self.repair(change, new, error, pair, more) for change, new in values]
         return []
 
     def wants(self, change: ParameterChange) -> bool:
@@ -326,7 +329,7 @@ class _Search:
                 exact = share == 0 and least == self.solved.get(change.key)
                 new = least if exact else change.rounded(least + share * (least - change.old))
                 if (error := self.proved(change, new)) is not None:
-                    self.found.append(_repair(change, new, error))
+                    self.found.append(self.repair(change, new, error, change, new))
                     return True
                 if len(self.hands) > known:
                     break
@@ -345,12 +348,12 @@ class _Search:
         if (error := self.proved(change, new)) is None:
             return False
         known = len(self.found)
-        self.found.append(_repair(change, new, error))
+        self.found.append(self.repair(change, new, error, change, new))
         if bad > 0 and not change.switch:
             _, least = self.bracket(change, bad, good, HALVINGS_SOLVED)
             near = change.rounded(least + NEAR * (least - change.old))
             if abs(near - change.old) < abs(new - change.old) and (error := self.proved(change, near)) is not None:
-                self.found[known] = _repair(change, near, error)
+                self.found[known] = self.repair(change, near, error, change, near)
         return True
 
     def limit_proved(self, change: ParameterChange, bad: float, good: float) -> bool:
@@ -366,7 +369,7 @@ class _Search:
                 bad = middle
             else:
                 new, error = middle, other
-        self.found.append(_repair(change, new, error))
+        self.found.append(self.repair(change, new, error, change, new))
         return True
 
     def proved(self, change: AnyChange, new: float) -> float | None:
@@ -410,16 +413,22 @@ class _Search:
                     ends = inner
         return None
 
-
-def _repair(change: ParameterChange, new: float, error: float) -> Repair:
-    return Repair(
-        key=change.key,
-        old=change.old,
-        new=new,
-        change=change.meaning,
-        needs=change.line(new),
-        assumes=change.assumes,
-        chooses=change.chooses,
-        size=change.size(new),
-        error=error,
-    )
+    def repair(self, change: ParameterChange, new: float, error: float, whole: AnyChange, size: float) -> Repair:
+        """Return a change that suffices, as a part of a whole one of some size, with the Z_0 of its error where that is
+        another than the problem's."""
+        before = self.posed(self.document)
+        after = self.problem(whole, size)
+        impedances = [nan if each is None else each.transparency.reference_impedance for each in (before, after)]
+        same = isclose(*impedances, rel_tol=SAME_YARDSTICK)
+        return Repair(
+            key=change.key,
+            old=change.old,
+            new=new,
+            change=change.meaning,
+            needs=change.line(new),
+            assumes=change.assumes,
+            chooses=change.chooses,
+            size=change.size(new),
+            error=error,
+            **({} if same else {"reference_impedance": impedances[1]}),
+        )

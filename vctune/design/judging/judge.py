@@ -255,6 +255,15 @@ class Judgement:
         return f"Judgement({self.status.value}, error {self.transparency.error:.4g}, {self.gains}, {self.coupling})"
 
     @property
+    def limp(self) -> bool:
+        """Whether the spring K_p of a velocity loop is nothing in the transparency band, K_p < Z_0 omega_1: it holds no
+        static force."""
+        objective = self.posed.problem.transparency
+        if not self.kind.own_loop or self.kind.inverse or not self.gains.closed:
+            return False
+        return bool(self.gains.position < objective.reference_impedance * objective.band.min)
+
+    @property
     def idle(self) -> bool:
         """Whether the design of an admittance display is certified but hardly uses its velocity loop."""
         tracks = self.kind.own_loop and not self.kind.inverse

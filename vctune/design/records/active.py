@@ -11,9 +11,9 @@ from vctune.design.judging.kicked import ringing_of
 from vctune.design.nlp.solution import Polished
 from vctune.design.nlp.working_set import ConstraintPoint, points_as_one
 from vctune.design.records.claims import DeviceRecord, device_record
-from vctune.design.records.warned import at_greatest_rest, touched
+from vctune.design.records.warned import at_greatest_rest
 from vctune.design.result import Solved
-from vctune.design.variables import design_of
+from vctune.design.variables import design_of, touched
 from vctune.document.records.part import Nullable, RecordPart
 from vctune.model.loop.llewellyn import llewellyn_excess, modulus_excess
 from vctune.model.numbers.arithmetic import FLOATS
@@ -85,7 +85,9 @@ def _at_limit(problem: Problem, judgement: Judgement) -> list[ActiveRecord]:
         demand = "walls in a hand" if at.claim == WALLS.id else own + where
         if at.ratio <= limit and all(each.demand != demand for each in found):
             found.append(ActiveRecord(demand=demand, hz=finite_hertz(at.omega), multiplier=None))
-    if any(at_greatest_rest(problem, judgement, key) for key, _ in touched(problem, judgement)):
+    if any(
+        at_greatest_rest(problem, judgement, key) for key, _ in touched(problem, judgement.gains, judgement.coupling)
+    ):
         said = RESTS.said_of(problem.device.kind)
         found.append(ActiveRecord(demand=said.rpartition(": ")[2], hz=None, multiplier=None))
     if (ratio := problem.stability.damping_ratio) is not None:

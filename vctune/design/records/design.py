@@ -22,8 +22,9 @@ from vctune.design.records.felt import InHandRecord, in_hand_record
 from vctune.design.records.optimality import OptimalityRecord, UncertaintyRecord, optimality_record, uncertainty_record
 from vctune.design.records.rest import REST, RestRecord, rest_record
 from vctune.design.records.shake import SHAKES, BuzzRecord, RingingRecord, notes, shaken
-from vctune.design.records.warned import touched, warnings
+from vctune.design.records.warned import warnings
 from vctune.design.result import Price, Relaxation, Repair, Solved
+from vctune.design.variables import touched
 from vctune.document.doubts import file_doubts
 from vctune.document.reading import ProblemFile, digest_mistakes, stated_problem
 from vctune.document.records.gains_json import AnyCouplingRecord, ProblemRecord, TransparencyRecord, stated_units
@@ -300,7 +301,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
             solved = replace(solved, cut=(*solved.cut, REST))
         with unlimited():
             parts |= _judged(problem, judgement)
-            at_bound, warned = [key for key, _ in touched(problem, judgement)], warnings(problem, judgement)
+            at_bound = [key for key, _ in touched(problem, judgement.gains, judgement.coupling)]
+            warned = warnings(problem, judgement)
         warned += notes(parts.get("ringing"), parts.get("buzz"), problem)
     also = {
         "date": date,

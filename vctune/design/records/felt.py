@@ -102,7 +102,7 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
     gains, coupling, device = judgement.gains, judgement.coupling, problem.device
     found: dict[str, bool | float | str] = {}
     if device.kind.own_loop and not device.kind.inverse and gains.closed:
-        found["limp"] = holds_no_static_force(problem, gains)
+        found["limp"] = judgement.limp
     if problem.nyquist > (omega := 2 * pi * FREE_HZ[0]):
         least = problem.worlds.low if problem.worlds is not None else None
         free = _felt(problem, gains, coupling, omega, least)
@@ -124,14 +124,6 @@ def in_hand_record(problem: Problem, judgement: Judgement) -> InHandRecord:
     if device.velocity is not None and device.velocity.resolution is not None:
         found["count"] = device.velocity.resolution * _stiffness_of_a_count(gains, coupling, device.sample_time)
     return InHandRecord.model_validate(found)
-
-
-def holds_no_static_force(problem: Problem, gains: Gains) -> bool:
-    """Return whether the spring K_p of a velocity loop is nothing in the transparency band: K_p < Z_0 omega_1."""
-    objective, kind = problem.transparency, problem.device.kind
-    if not kind.own_loop or kind.inverse or not gains.closed:
-        return False
-    return bool(gains.position < objective.reference_impedance * objective.band.min)
 
 
 def first_command(device: Device, coupling: Coupling) -> tuple[float, float]:

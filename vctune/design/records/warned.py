@@ -7,8 +7,8 @@ from math import degrees, inf, pi
 from typing import Any
 
 from vctune.design.judging.judge import Judgement, Status
-from vctune.design.records.felt import first_command, holds_no_static_force
-from vctune.design.variables import keys_for, near, point, ranges
+from vctune.design.records.felt import first_command
+from vctune.design.variables import touched
 from vctune.document.text.errors import Note
 from vctune.model.gains import series_coupling
 from vctune.model.problem import Problem
@@ -16,17 +16,6 @@ from vctune.model.rest import greatest_at_rest, stiffness_read
 from vctune.model.servo import lightest_mass
 
 LOUDEST, LEAST_PHASE = 10.0, 10.0  # Peak of |S| and phase margin, degrees, beyond which a loop hardly holds
-SHOWN_DIGITS = 6  # Digits to which a value on a bound above 0 equals it: a search ends beside it
-
-
-def touched(problem: Problem, judgement: Judgement) -> list[tuple[str, str]]:
-    """Return the dotted keys of the free variables that lie on a bound, with the side."""
-    values, found = point(judgement.gains, judgement.coupling), list[tuple[str, str]]()
-    for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
-        sides = () if bounds.fixed else (("upper", bounds.max), ("lower", bounds.min))
-        found += [(key, side) for side, edge in sides if edge and near(value, edge, bounds, SHOWN_DIGITS)]
-        found += [(key, side) for side, edge in sides if not edge and near(value, edge, bounds)]
-    return found
 
 
 def at_greatest_rest(problem: Problem, judgement: Judgement, key: str) -> bool:
@@ -42,7 +31,7 @@ def warnings(problem: Problem, judgement: Judgement) -> list[Note]:
 
 
 def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]:
-    for key, side in touched(problem, judgement):
+    for key, side in touched(problem, judgement.gains, judgement.coupling):
         of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0
         at_rest = side == "upper" and at_greatest_rest(problem, judgement, key)
         at_rest |= key == "coupling.mass" and side == "lower" and lightest_mass(problem.device, 0.0) > 0
@@ -70,7 +59,7 @@ def _warned(problem: Problem, judgement: Judgement) -> Iterator[tuple[Any, str]]
                 f"than device.servo.max_acceleration = {servo.max_acceleration:g}; more coupling.mass commands less",
             )
     yield from _hardly_holds(judgement)
-    if holds_no_static_force(problem, judgement.gains):
+    if judgement.limp:
         yield "warn-limp", "its K_p holds no static force: a steady push moves the handle on, also into a wall"
     if judgement.idle:
         yield (

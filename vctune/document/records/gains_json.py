@@ -23,6 +23,7 @@ class ProblemRecord(RecordPart):
     sha256: str
     text: str
     units: UnitSystem = "linear"
+    source: str | None = None  # the file, as the command named it
 
 
 def stated_units(device: Device) -> dict[str, UnitSystem]:
