@@ -173,9 +173,9 @@ def _calmest(posed: Posed, devices: Sequence[Bears], stiffest: SpringDamper) -> 
     least = max(bounds.stiffness.min, SOFTEST * most)
     scale = min(_damper_held(posed.problem.device), stiffest.damping)
     # friction may hold less damping than a demanded damping ratio takes
-    more = np.geomspace(scale, stiffest.damping, BEYOND) if scale < stiffest.damping else []
-    shares = np.append(scale * SHARES, more)
-    dampings = np.unique(np.clip(shares, bounds.damping.min, bounds.damping.max)).tolist()
+    beyond = np.geomspace(scale, stiffest.damping, BEYOND) if 0 < scale < stiffest.damping else np.empty(0)
+    compared = np.append(scale * SHARES, beyond)
+    dampings = np.unique(np.clip(compared, bounds.damping.min, bounds.damping.max)).tolist()
     walls = [
         SpringDamper(damping, stiffness)
         for damping in dampings
