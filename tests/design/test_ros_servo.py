@@ -336,7 +336,7 @@ def test_a_hand_at_an_angle_to_the_axes_is_covered_where_it_is_said(seed, tmp_pa
         middle = (low * high) ** 0.5
         low, high = (low, middle) if checked([middle] * 3).returncode == ExitCode.OK else (middle, high)
     done = checked([high] * 3)
-    assert done.returncode == ExitCode.OK and done.stdout.count("in hands at every angle to x, y and z") == 3
+    assert done.returncode == ExitCode.OK and done.stdout.count("in hands at every angle to x, y and z") == 1
     worst = max(
         oblique_radius(device, [(high, drag)] * 3, [random_matrix(rng, 3, x) for x in most]) for _ in range(400)
     )
