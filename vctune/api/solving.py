@@ -141,8 +141,9 @@ class SavedDesign:
         """Return the design with the relaxations and prices that were computed after it, and what was cut short."""
         notes = [note.line for note in (*solved.cut_short, *solved.notes)]
         warnings = list(dict.fromkeys([*self.found.warnings, *notes]))
-        also = {"prices": solved.prices, "relaxations": solved.relaxations or None, "warnings": warnings}
-        return replace(self, found=self.found.model_copy(update=also))
+        also = {"prices": solved.prices, "relaxations": solved.relaxations or None}
+        known = {name: part for name, part in also.items() if part is not None}
+        return replace(self, found=self.found.model_copy(update=known | {"warnings": warnings}))
 
     def files(self, folder: Path) -> Files:
         """Return design.json and gains.toml, in place of an earlier report and, without a design, earlier gains."""

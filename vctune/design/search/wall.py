@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from math import exp, inf, log
+from math import exp, inf, log, pi
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from vctune.running import boxes_at_most, check_time
 from vctune.simulation.kicks import calm, calm_all_over
 
 PER_DECADE = 480  # angles for any passive hand
+FINE_ANGLES = 1e-5, pi, 800  # for hands: first and last, rad, and their number
 # First reserve with a structure, whose sum of aliases has a bound that leaves less undecided, and boxes of a proof
 ALIASED, MOST_BOXES = 2e-3, 20_000
 DAMPINGS = np.append(0.0, np.geomspace(1e-3, 2.0, 25))  # that are compared first, as shares of m/lag + b
@@ -78,7 +79,8 @@ def _in_any_hand(device: Device, seen: LookedAt, needed: float, _ratio: float | 
 
 
 def _in_hands(device: Device, seen: LookedAt, needed: float, ratio: float | None) -> Bears:
-    loops = LoopsBeforeWall.of(device, list(seen.hands), seen.angles)
+    close = np.union1d(np.geomspace(*FINE_ANGLES), seen.angles)  # the wall is as stiff as the crossings are exact
+    loops = LoopsBeforeWall.of(device, list(seen.hands), close)
     curve = (
         None
         if ratio is None
