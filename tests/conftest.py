@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
+from datetime import date
 from itertools import groupby
 from math import ceil
 from pathlib import Path
@@ -20,6 +21,8 @@ settings.load_profile("reproducible")
 DRAWS = int(os.environ.get("VCTUNE_DRAWS", "2"))
 """How many slow cases of a test run, and how many draws a slow test makes: few here, `WHOLE` or more at night."""
 WHOLE = 25
+DAY = int(os.environ.setdefault("VCTUNE_DAY", str(date.today().toordinal())))
+"""Which slow cases run; handed to the workers, so that midnight does not part them."""
 ROOT = Path(__file__).parent.parent
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
@@ -47,31 +50,64 @@ def drawn(many: int) -> int:
     return min(many, ceil(many * DRAWS / WHOLE))
 
 
+WHOLLY = {
+    "test_answers.py": "kind", "test_claims.py": "kind", "test_core.py": "kind", "test_golden.py": "name",
+    "test_tutorials.py": "tutorial",
+}  # fmt: skip
+"""Files whose slow cases all run, by the parameter that tells them apart."""
+
+
 def every_case_of(item: pytest.Item) -> bool:
-    """Return whether no case of a test is left out: golden answers, tutorials, and kinds of claims."""
-    return (
-        item.path.parent.name == "golden"
-        or item.path.name == "test_tutorials.py"
-        or (
-            item.path.name in ("test_claims.py", "test_core.py")
-            and "kind" in item.callspec.params
-            and "number" not in item.callspec.params
-        )
-    )
+    """Return whether no case of a test is left out."""
+    params = getattr(item, "callspec", None)
+    return params is not None and WHOLLY.get(item.path.name) in params.params and "number" not in params.params
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out all but `DRAWS` slow cases of a test, spaced evenly; none of `every_case_of`."""
+    """Leave out all but `DRAWS` slow cases of a test, other ones each day; none of `every_case_of`."""
     if DRAWS >= WHOLE:
         return
     left_out = []
     for _, group in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
         slow = [item for item in group if item.get_closest_marker("slow") and not every_case_of(item)]
-        kept = {round(k * (len(slow) - 1) / max(DRAWS - 1, 1)) for k in range(DRAWS)}
+        kept = {(DAY + k * len(slow) // DRAWS) % len(slow) for k in range(DRAWS)} if slow else set()
         left_out += [item for number, item in enumerate(slow) if number not in kept]
     config.hook.pytest_deselected(items=left_out)
     gone = set(map(id, left_out))
     items[:] = [item for item in items if id(item) not in gone]
+
+
+ADVISED = pytest.StashKey[bool]()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quiet(request):
+    """Let vctune look for repairs, relaxations and prices only in tests with the mark `advice`."""
+    from vctune.api import solving
+    from vctune.design.advice import repair
+    from vctune.design.ros import admittance_check
+
+    def where_asked(advise, nothing):
+        def found(*arguments, **options):
+            asked = request.config.stash[ADVISED]
+            return advise(*arguments, **options) if asked else nothing(*arguments)
+
+        return found
+
+    searched = where_asked(repair.find_repairs, lambda *_: repair.Found())
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(repair, "find_repairs", searched)
+        patched.setattr(admittance_check, "find_repairs", searched)
+        patched.setattr(
+            solving, "with_relaxations", where_asked(solving.with_relaxations, lambda _, solved, __: solved)
+        )
+        patched.setattr(solving, "with_prices", where_asked(solving.with_prices, lambda solved: solved))
+        yield
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.config.stash[ADVISED] = item.get_closest_marker("advice") is not None
 
 
 @pytest.fixture(scope="session")

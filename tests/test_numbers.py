@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from math import isclose
-
-import meaning
 import numpy as np
 import pytest
-from conftest import ROOT, drawn, mostly_slow
-from meaning import DESIGN, Case, Elsewhere, Holds, Said, Within
+from compared import paths, wrong
+from conftest import ROOT, mostly_slow
+from meaning import DESIGN, Case, Elsewhere
 from meaning_of_studies import IDENTIFICATION, REGION, ROWS, SIMULATION
 from posed import POSED
-from schema_paths import leaves, paths
 
 import vctune
 from vctune.api.json_schemas import SCHEMAS
@@ -19,8 +16,6 @@ from vctune.api.json_schemas import SCHEMAS
 TABLES = {
     "design": DESIGN, "region": REGION, "rows": ROWS, "simulation": SIMULATION, "identification": IDENTIFICATION,
 }  # fmt: skip
-QUICK = ("hands", "servo", "display", "display, both", "wall", "wall in any hand", "hands, nothing behind")
-"""Kinds of problems that are drawn each time."""
 REASONS = 0.15
 """Greatest share of paths that have a reason in place of an oracle."""
 
@@ -40,34 +35,6 @@ def test_few_paths_have_a_reason_alone():
     assert sum(isinstance(oracle, str) for oracle in every) <= REASONS * len(every)
 
 
-def agrees(expected, value):
-    """Return whether a value is the expected one."""
-    if isinstance(expected, Holds):
-        return bool(expected.value)
-    if isinstance(expected, Said):
-        return expected.value == value
-    if value is None or isinstance(value, str):
-        return False
-    if isinstance(expected, Within):
-        near = 1e-9 * max(abs(expected.low), abs(expected.high))
-        return expected.low - near <= value <= expected.high + near
-    return isclose(value, getattr(expected, "value", expected), rel_tol=getattr(expected, "rel", 1e-6))
-
-
-def wrong(case: Case, table, schema, record=None) -> list[str]:
-    """Return what is not as its oracle says, in the record of a case or in another."""
-    found, known = [], {}
-    for path, part, value in leaves(case.record if record is None else record, schema):
-        oracle = table.get(path)
-        if not callable(oracle) or (value is None and path not in meaning.NULL_IS_SAID):
-            continue
-        known.setdefault((path, id(part)), None)
-        known[path, id(part)] = expected = known[path, id(part)] or oracle(case, part)
-        if not agrees(expected, value):
-            found.append(f"{path} is {value}, and {expected} is meant")
-    return found
-
-
 ROWED = ("hands", "servo", "display", "hands, environments", "both", "wall")
 """Kinds of problems whose rows are compared."""
 PLANES = {
@@ -75,15 +42,6 @@ PLANES = {
     "display, both": ("coupling.damping", "coupling.stiffness"),
 }  # fmt: skip
 """Kinds of problems whose regions are compared, with two variables that span a plane."""
-
-
-@pytest.mark.parametrize("number", range(drawn(8)))
-@pytest.mark.parametrize("kind", mostly_slow(POSED, QUICK))
-def test_the_numbers_of_a_given_design_are_what_they_mean(kind, number):
-    rng = np.random.default_rng((93, list(POSED).index(kind), number))
-    tables = POSED[kind](rng)
-    record = vctune.check(tables).finding.record()
-    assert wrong(Case(tables, record, rng), DESIGN, SCHEMAS["design"]()) == []
 
 
 @pytest.mark.parametrize("kind", mostly_slow(ROWED, ROWED[:3]))

@@ -65,6 +65,7 @@ def test_pasted_gains_are_certified_again(device, tmp_path):
     assert again["transparency"] == first["transparency"]
 
 
+@pytest.mark.advice
 def test_infeasible(tmp_path, monkeypatch):
     monkeypatch.setattr(repairing, "parameter_changes", lambda *given: [])
     done = run("solve", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)

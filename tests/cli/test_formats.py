@@ -63,6 +63,7 @@ def test_github_survives_any_text(file, name, message):
     assert found[2] == message if whole else found[2].endswith(REST) and len(found[2]) <= 200
 
 
+@pytest.mark.advice
 def test_github_annotates_the_line_of_the_gain_to_change(folder):
     commands = workflow_commands(run(".", "--format", "github", cwd=folder).stdout)
     places = {place["file"]: (command, place["line"], data) for command, place, data in commands}
@@ -105,6 +106,7 @@ def test_warnings_reach_every_format(verdict, strict):
     assert commands == [(first, "said"), (level, "mind, the: gap"), (level, "and more")]
 
 
+@pytest.mark.advice
 @pytest.mark.parametrize("style", ["text", "json", "github"])
 def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
     """Gains with a ratio of 1.05 and more, absolutely stable, under a safety factor of 1.5."""

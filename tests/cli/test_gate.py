@@ -89,6 +89,7 @@ def test_each_verdict_is_printed_when_it_is_known(axes, jobs):
     assert ended.returncode == ExitCode.INTERRUPTED and re.fullmatch(r"\d+ passed", out.splitlines()[-1])
 
 
+@pytest.mark.advice
 def test_annotations_are_one_line_of_200_characters(axes):
     (axes / "bad.toml").write_text(DEVICE + "dampin = 1\nmas = 2\n")
     out = run("check", "a.toml", "poor.toml", "bad.toml", "--format", "github", cwd=axes).stdout

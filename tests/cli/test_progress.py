@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 
+import pytest
 from conftest import DEVICE
 
 SLOWLY = """
@@ -17,6 +18,7 @@ sys.exit(main.execute())
 """The command, whose lines of progress are not far apart."""
 
 
+@pytest.mark.advice
 def test_stages_are_lines_on_stderr_and_the_design_stands_before_its_prices(tmp_path):
     (tmp_path / "device.toml").write_text(DEVICE)
     command = [sys.executable, "-u", "-c", SLOWLY, "solve", "device.toml"]

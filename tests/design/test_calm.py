@@ -78,6 +78,7 @@ def test_an_arm_keeps_its_ratio_with_about_the_least_drag():
         assert least_own_ratio(mass, 0.95 * law.drag) < 0.1
 
 
+@pytest.mark.advice
 def test_a_ratio_that_is_missed_names_its_hand(tmp_path):
     """By a count of poles; the least drag that is named has the ratio, and nine tenths of the way to it do not."""
     (tmp_path / "arm.toml").write_text(ARM)
@@ -137,6 +138,7 @@ def test_a_ratio_is_kept_before_masses_too():
     assert ratio(1.0) >= 0.07 > min(ratio(1.03), ratio(0.97))
 
 
+@pytest.mark.advice
 def test_a_wall_that_misses_its_ratio_is_told_the_least_change():
     """By eigenvalues in hands at the edges of their box."""
     text = PADDLE.replace("calm = true", "damping_ratio = 0.2").replace("friction = 0.5\n", "")

@@ -47,6 +47,7 @@ def test_summary_of_a_folder(folder):
     assert run(".", cwd=folder).stdout.splitlines()[-1] == "1 passed, 1 FAILED, 2 bad input"
 
 
+@pytest.mark.advice
 def test_refusal_names_frequency_ratio_and_a_change_that_passes(folder):
     text = run("poor.toml", cwd=folder).stdout
     found = re.search(
@@ -127,6 +128,7 @@ def test_an_empty_folder_is_no_pass(folder):
     assert (done.returncode, done.stdout[11:]) == (ExitCode.BAD_INPUT, "empty: holds no .toml file [ambiguous-files]\n")
 
 
+@pytest.mark.advice
 @pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])
 def test_files_of_windows_are_read(tmp_path, spoil):
     (tmp_path / "device.toml").write_text(spoil(for_passive_hands(DEVICE)), newline="")

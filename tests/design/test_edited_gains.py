@@ -20,6 +20,8 @@ from vctune.document.reading import parse_problem, problem_file, read_gains
 from vctune.document.text import toml
 from vctune.model.gains import Coupling, SpringDamper
 
+pytestmark = pytest.mark.advice
+
 FACTORS = (1e-3, 0.5, 0.95, 1.05, 2.0)
 DISPLAYS = ("admittance", "impedance")
 CRITERIA = ("passive", "hands", "both")

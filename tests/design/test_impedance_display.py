@@ -346,6 +346,7 @@ def test_the_simulated_loop_is_that_of_the_state_matrix(order, late):
     assert mode.radius == pytest.approx(np.abs(values[np.abs(values - 1) > 1e-6]).max(), abs=1e-9)
 
 
+@pytest.mark.advice
 def test_a_gains_file_without_gains_is_checked(tmp_path):
     device = f'[device]\ndisplay = "impedance"\nmass = 0.1\ndamping = {B}\nsample_time = {T}\n'
     (tmp_path / "arm.toml").write_text(device + "[stability]\nsafety_factor = 1.0\n")

@@ -13,6 +13,8 @@ from conftest import drawn
 import vctune
 from vctune.document.text.toml import toml_text
 
+pytestmark = pytest.mark.advice
+
 LIGHT: dict[str, Any] = {
     "device": {"sample_time": 8e-3, "servo": {"delay": 0.0605, "bandwidth_hz": 21.6, "order": 2}},
     "coupling": {"rule": "euler", "mass": 0.317, "drag": 25.9},

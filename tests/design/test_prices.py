@@ -146,6 +146,7 @@ def test_less_delay_than_whole_samples_is_worth_nothing():
     assert less == pytest.approx(here, rel=1e-5) and more > 1.005 * here
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_they_are_in_the_file_where_there_is_a_report(tmp_path):
     (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
@@ -161,6 +162,7 @@ def test_they_are_in_the_file_where_there_is_a_report(tmp_path):
     assert (tmp_path / "again/report.html").read_text() == page
 
 
+@pytest.mark.advice
 def test_the_library_is_asked_for_them():
     path = ROOT / "problems/friction-wheel.toml"
     assert solve(path).prices is None

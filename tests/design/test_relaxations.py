@@ -12,6 +12,8 @@ from conftest import DEVICE, for_passive_hands
 import vctune
 from vctune.document.text.toml import toml_text
 
+pytestmark = pytest.mark.advice
+
 FIRST = """
 [device]
 mass = 0.35

@@ -35,6 +35,8 @@ from vctune.model.numbers.units import KEYS
 from vctune.model.problem import Problem
 from vctune.running import time_limit
 
+pytestmark = pytest.mark.advice
+
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
 """With damping 2 the ratio is 1 at 5.3410 rad/s, then above it up to 76.196 (model/README.md, section 6)."""

@@ -14,7 +14,6 @@ from command import strict
 from device_pairs import tables_of
 from loop import Loop, radius
 
-from vctune.design.advice.repair import Found
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import corner_hz, coupling_of_admittance
 from vctune.document.reading import read_problem
@@ -121,8 +120,7 @@ LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
 """An axis that is too light for a stiff hand."""
 
 
-def test_what_is_proved_and_a_hand_in_which_it_grows_are_told(arm, monkeypatch):
-    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
+def test_what_is_proved_and_a_hand_in_which_it_grows_are_told(arm):
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.OK and "x: proved" in done.stdout
     assert "filter_coefficient 0.05 at 1000 Hz is a low-pass of 8.2 Hz" in done.stdout
@@ -146,6 +144,7 @@ def pasted(folder, line):
     (folder / "ros.yaml").write_text(text)
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "axis, words", [(LIGHT, "damping_ratio joint_damping mass"), (UNSPRUNG, "filter_coefficient joint_damping mass")]
@@ -183,9 +182,8 @@ def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code
     assert len(warned) == (code is not None) and all(code in each and said in each for each in warned)
 
 
-def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
+def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm):
     """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
-    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
     ratios = []
     for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
         changed(arm, damping_ratio=text)
@@ -331,9 +329,8 @@ position = 20000.0
 
 @pytest.mark.parametrize("mass", ["{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
 @pytest.mark.parametrize("stiffness", ["0.0", "{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
-def test_the_controllers_spring_is_there_however_nothing_is_stated(arm, monkeypatch, mass, stiffness):
+def test_the_controllers_spring_is_there_however_nothing_is_stated(arm, mass, stiffness):
     """With it the axis grows in a hand of .5 kg."""
-    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
     changed(arm, mass=six(2.0), stiffness=six(2e5), damping_ratio=damped(0.0, 50.0), filter_coefficient="1.0")
     (arm / "arm.toml").write_text(f"{SPRUNG}[environment]\nmass = {mass}\nstiffness = {stiffness}\n")
     problem, axis = read_problem(arm / "arm.toml").problem, read_admittances(arm / "ros.yaml")[0].axes[0]
@@ -424,9 +421,8 @@ def test_the_rate_of_another_controller_is_not_that_of_this_one(arm):
 
 
 @pytest.mark.parametrize("coefficient, said", [(0.26, True), (0.28, False), (0.4, False)])
-def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, monkeypatch, coefficient, said) -> None:
+def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, coefficient, said) -> None:
     """At 1 kHz that is 50 Hz: 0.26 is a low-pass of 48 Hz, 0.28 of 52 Hz and 0.4 of 81 Hz."""
-    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
     changed(arm, filter_coefficient=coefficient)
     (found,) = strict(vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm).stdout)
     assert (
@@ -434,9 +430,8 @@ def test_a_filter_below_a_tenth_of_the_nyquist_frequency_is_warned_of(arm, monke
     )
 
 
-def test_a_warning_that_is_allowed_does_not_fail_a_strict_check_and_is_told_once(arm, monkeypatch):
+def test_a_warning_that_is_allowed_does_not_fail_a_strict_check_and_is_told_once(arm):
     """Two arms of one file with one slow filter: one warning; --strict fails for it, and does not if it is allowed."""
-    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: Found())
     given = yaml.safe_load(PARAMETERS)["/**"]["admittance_controller"]["ros__parameters"]
     both = {f"{side}_admittance": {"ros__parameters": given} for side in ("left", "right")}
     (arm / "ros.yaml").write_text(yaml.safe_dump(both))

@@ -111,6 +111,7 @@ def test_whole_axis_is_proved_at_both_ends():
     assert virtual.damping + virtual.drag >= 1.05 * 2 * 0.5 * gains.velocity / (2.0 * 1e-3)
 
 
+@pytest.mark.advice
 @pytest.mark.parametrize(
     ("text", "parts"),
     [

@@ -89,6 +89,7 @@ def test_nothing_is_claimed_of_walls_where_the_linear_box_is_not_proved() -> Non
     assert outcomes["walls"].verdict is Verdict.UNDECIDED
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_a_design_that_bears_springs_alone_may_do_without_walls() -> None:
     """The repair turns the walls off, and its line can be written into the file as it is."""

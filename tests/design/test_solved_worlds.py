@@ -187,6 +187,7 @@ def test_check_says_which_spring_and_which_tool_are_proved_beyond_the_box(tmp_pa
         assert (judge(posed, *posed.fixed_design).status is Status.CERTIFIED) is passes
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_fewer_environments_are_among_the_repairs(tmp_path: Path) -> None:
     """Of a design that the box refutes."""

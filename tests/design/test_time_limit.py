@@ -121,6 +121,7 @@ def asked(folder, *command):
     return next(asks)
 
 
+@pytest.mark.advice
 def test_without_enough_time_for_a_design_solve_says_so(folder, ticks):
     done = run("solve", "device.toml", "--time-limit", 5, cwd=folder)
     record = solved(folder)
@@ -381,6 +382,7 @@ def test_a_mistake_of_units_has_an_answer(change, monkeypatch):
 POOR = GAINS.replace("damping = 160.0", "damping = 80.0")
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_repairs_that_a_limit_cut_are_not_called_complete(folder, ticks, monkeypatch) -> None:
     """None that was found, or some of all, with a warning; never that there are none."""

@@ -42,6 +42,7 @@ def test_the_multiple_is_the_least_of_own_eigenvalues_over_hands_and_multiples()
     assert seen["finite"] >= FAST // 2 and seen["proved"] >= 2 and seen["refuted"] >= 1, seen
 
 
+@pytest.mark.advice
 def test_a_joint_without_damping_is_unstable_at_any_multiple(tmp_path):
     """J x'' = -kp x with a sample of hold: kd must exceed kp T/2, whatever the stiffness."""
     joint = Display(8e-4, 0.0, 5e-3, 0.0)

@@ -76,3 +76,12 @@ def test_what_is_probably_not_meant_is_warned_of_until_it_is_what_is_said(tmp_pa
     assert f"[{code}]" in run("check", "doubted.toml", "--strict", cwd=tmp_path).stdout
     done = run("check", "meant.toml", "--strict", cwd=tmp_path)
     assert done.returncode == ExitCode.OK, done
+
+
+@pytest.mark.parametrize(
+    ("environment", "limp"), [("mass = 0.0\nstiffness = 0.0", False), ("stiffness = 2000.0", True)]
+)
+def test_a_law_without_a_spring_holds_no_force_where_there_is_one_to_hold(tmp_path, environment, limp):
+    text = DEVICE + "[gains]\nvelocity = 120.0\nposition = 0.0\n[coupling]\ndamping = inf\nmass = 1.0\ndrag = 20.0\n"
+    (tmp_path / "device.toml").write_text(f"{text}[environment]\n{environment}\n")
+    assert ("[warn-limp]" in run("check", "device.toml", cwd=tmp_path).stdout) == limp

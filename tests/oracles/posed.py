@@ -32,6 +32,8 @@ UNCERTAIN = (
     "mass", "damping", "delay", "velocity.filter_hz", "actuator.bandwidth_hz", "force_sensor.bandwidth_hz",
     "structure.frequency_hz", "servo.delay", "servo.bandwidth_hz",
 )  # fmt: skip
+FASTEST = 5e-4
+"""Least sample time of a device with readings, s: kicks of a faster one take seconds."""
 
 
 def chance(rng: Rng, share: float) -> bool:
@@ -58,6 +60,8 @@ def yardstick(rng: Rng, tables: Tables, impedance: float) -> Tables:
 
 def with_readings(rng: Rng, device: Tables) -> Tables:
     """Return a device whose encoder or force sensor has steps, and that may have friction."""
+    if device["sample_time"] < FASTEST:
+        return device
     found = {key: dict(value) if isinstance(value, dict) else value for key, value in device.items()}
     if found.get("velocity", {}).get("from") != "measured" and chance(rng, 0.5):
         dual = found.get("display") == "impedance"

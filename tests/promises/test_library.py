@@ -180,6 +180,7 @@ def test_what_the_command_finds(wheel, solved, tmp_path):
     assert vctune.write_report(path, tmp_path / "elsewhere").read_text().startswith("<!")
 
 
+@pytest.mark.advice
 @pytest.mark.parametrize(
     "text",
     [
@@ -198,6 +199,7 @@ def test_reason_and_repairs_are_the_commands(text, tmp_path):
     assert [repair.needs for repair in solved.repairs] == [repair["needs"] for repair in commanded["repairs"]] != []
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_a_violated_design_is_checked_with_its_repairs():
     checked = vctune.check(VIOLATED)

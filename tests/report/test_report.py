@@ -90,6 +90,7 @@ def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png", "llewellyn.svg"}
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_the_page_reviews_a_design(pages, tmp_path):
     """Ranges, the bound that is hit with its number, the parts of a latency, the digest and the command of a proof."""

@@ -216,6 +216,7 @@ def test_in_hands_without_stiffness_a_free_position_is_no_instability(tmp_path):
     assert vctune.solve(file).status == "certified"
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 def test_where_any_damping_would_do_a_little_is_proposed():
     text = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")

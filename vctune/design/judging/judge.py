@@ -257,9 +257,9 @@ class Judgement:
     @property
     def limp(self) -> bool:
         """Whether the spring K_p of a velocity loop is nothing in the transparency band, K_p < Z_0 omega_1: it holds no
-        static force."""
-        objective = self.posed.problem.transparency
-        if not self.kind.own_loop or self.kind.inverse or not self.gains.closed:
+        static force; never with nothing behind it, where there is no force to hold."""
+        objective, worlds = self.posed.problem.transparency, self.posed.problem.worlds
+        if not self.kind.own_loop or self.kind.inverse or not self.gains.closed or (worlds and worlds.nothing):
             return False
         return bool(self.gains.position < objective.reference_impedance * objective.band.min)
 

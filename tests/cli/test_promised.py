@@ -85,6 +85,7 @@ DISC = "[uncertainty]\nunmodelled = [[60.0, 0.01], [100.0, 2.0]]\n"
 """Above the band so great that it is missed by a loop whose other demands are easily met."""
 
 
+@pytest.mark.advice
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "text",

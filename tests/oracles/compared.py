@@ -1,9 +1,13 @@
-"""The paths of a JSON Schema, and the values of an object at them."""
+"""The values of a record, by their paths in its JSON Schema, beside what an oracle says that they mean."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import isclose
 from typing import Any
+
+import meaning
+from meaning import Case, Holds, Said, Within
 
 Schema = dict[str, Any]
 
@@ -70,3 +74,31 @@ def leaves(
                 yield from leaves(item, free, root, part, f"{path}.{{}}")
     else:
         yield path, part, value
+
+
+def agrees(expected, value):
+    """Return whether a value is the expected one."""
+    if isinstance(expected, Holds):
+        return bool(expected.value)
+    if isinstance(expected, Said):
+        return expected.value == value
+    if value is None or isinstance(value, str):
+        return False
+    if isinstance(expected, Within):
+        near = 1e-9 * max(abs(expected.low), abs(expected.high))
+        return expected.low - near <= value <= expected.high + near
+    return isclose(value, getattr(expected, "value", expected), rel_tol=getattr(expected, "rel", 1e-6))
+
+
+def wrong(case: Case, table, schema, record=None) -> list[str]:
+    """Return what is not as its oracle says, in the record of a case or in another."""
+    found, known = [], {}
+    for path, part, value in leaves(case.record if record is None else record, schema):
+        oracle = table.get(path)
+        if not callable(oracle) or (value is None and path not in meaning.NULL_IS_SAID):
+            continue
+        known.setdefault((path, id(part)), None)
+        known[path, id(part)] = expected = known[path, id(part)] or oracle(case, part)
+        if not agrees(expected, value):
+            found.append(f"{path} is {value}, and {expected} is meant")
+    return found

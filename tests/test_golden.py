@@ -1,0 +1,119 @@
+"""Whole answers of commands are what they were: solved problems, repairs, regions, sweeps, logs and runs.
+
+Those of given designs are in test_answers.py, which says how they are recorded again.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, mostly_slow
+from identification_logs import Log, random_case
+from recorded import RECORDS, kept
+from servo_logs import servo_case
+
+import vctune
+from vctune.design.records.design import design_record
+from vctune.design.ros.admittance_check import check_parameters
+from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.ros import read_admittances
+
+PROBLEMS = ROOT / "problems"
+SOLVED = sorted(
+    path.relative_to(ROOT).as_posix()
+    for pattern in ("problems/*.toml", "problems/extremes/*.toml", "tests/reference/**/*.toml", "tests/basins/*.toml")
+    for path in ROOT.glob(pattern)
+)
+WORSE = 1e-4
+"""Relative increase of an error above which a design is worse; better ones are welcome."""
+SEARCHED = 3e-3
+"""Relative difference of a design that was searched for that says nothing: its error has a flat minimum."""
+ARM = """device = { mass = 10.0, damping = 20.0, sample_time = 1e-3, delay = 1e-3 }
+gains = { velocity = 800.0, position = 8000.0 }
+"""
+SERVO = """device = { sample_time = 2e-3, servo = { delay = 0.006, bandwidth_hz = 8.0, order = 1 } }
+operator = { stiffness = { max = 400.0 } }
+"""
+PARAMETERS = """admittance_controller:
+  ros__parameters:
+    joints: [j1]
+    ft_sensor:
+      name: ft
+      filter_coefficient: 0.05
+    admittance:
+      selected_axes: [true, false, false, false, false, false]
+      mass: [5.0, 5.0, 5.0, 0.1, 0.1, 0.1]
+      damping_ratio: [2.5, 2.5, 2.5, 2.5, 2.5, 2.5]
+      stiffness: [50.0, 50.0, 50.0, 10.0, 10.0, 10.0]
+"""
+
+
+def solved(name):
+    file = vctune.read_problem(PROBLEMS / f"{name}.toml")
+    return design_record(file, vctune.solve(file.problem))
+
+
+def parameters():
+    """The checks of an admittance controller of ROS on an arm with gains and on a servo."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ros.yaml"
+        path.write_text(PARAMETERS)
+        problems = [ProblemFile(parse_problem(text, "x", "x"), text) for text in (SERVO, ARM)]
+        each = [check_parameters([one], path, read_admittances(path)[0], print) for one in problems]
+    return [[check.message, check.finding and check.finding.record()] for checks in each for check in checks]
+
+
+def region(name, *axes):
+    return vctune.region(PROBLEMS / f"{name}.toml", *axes, resolution=1 / 8).record()
+
+
+def sweep():
+    return list(vctune.sweep(PROBLEMS / "friction-wheel.toml", {"device.damping": [0.5, 2.0, 8.0]}).table.rows())
+
+
+def identified(log, *, servo=False):
+    with tempfile.TemporaryDirectory() as folder:
+        return vctune.identify(*log.write(Path(folder)), servo=servo).record.to_json()
+
+
+def simulated(name):
+    return vctune.simulate(PROBLEMS / f"{name}.toml", ROOT / f"tests/gains/{name}.toml").record()
+
+
+DESIGNED = ("friction-wheel", "arm-contact", "keemink", "encoder", "infeasible")
+ANSWERS = {
+    **{f"problem: {name}": partial(solved, name) for name in DESIGNED},
+    "ros": parameters,
+    "region: friction-wheel": partial(region, "friction-wheel"),
+    "region: paddle": partial(region, "paddle", "coupling.damping", "coupling.stiffness"),
+    "sweep": sweep,
+    "bound": lambda: asdict(vctune.bound(PROBLEMS / "friction-wheel.toml", gap=0.1).optimality),
+    "log": lambda: identified(random_case(2).log),
+    "servo log": lambda: identified(Log(servo_case(0).columns, ""), servo=True),
+    "simulation": partial(simulated, "friction-wheel"),
+}
+FAST = ("problem: friction-wheel", "problem: infeasible", "region: friction-wheel", "bound", "sweep", "simulation")
+
+
+@pytest.mark.advice
+@pytest.mark.parametrize("name", mostly_slow(ANSWERS, FAST))
+def test_an_answer_is_what_it_was(name):
+    searched = name.startswith(("problem", "region", "sweep", "ros"))
+    assert kept(name, ANSWERS[name](), SEARCHED if searched else 1e-4) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SOLVED)
+def test_a_design_is_as_good_as_it_was(name):
+    found = vctune.solve(ROOT / name)
+    now = {"status": found.status.value}
+    if found.judgement is not None:
+        now["error"] = found.judgement.error
+    then = RECORDS.get(f"solved: {name}", {})
+    worse = kept(f"solved: {name}", now, WORSE)
+    better = then.get("status") in (now["status"], "undecided") and now.get("error", 0) <= then.get("error", 0)
+    assert better or worse == []
