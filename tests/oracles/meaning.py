@@ -974,7 +974,7 @@ def ringing(k: int) -> Callable[[Case, Part], Any]:
     """Return the oracle of damping ratio, frequency or time constant of what rings most."""
 
     def oracle(case: Case, part: Part) -> Any:
-        some = case.devices if case.widths else [case.device]
+        some = case.devices if case.widths else [each.device for each in beside_whole(case)]
         there = [found for device in [case.device, *some] for found in rung(case, hand_of(part["hand"]), device)]
         name = ("damping_ratio", "frequency_hz", "time_constant_s")[k]
         if k == 0:
@@ -1118,15 +1118,20 @@ def in_devices(name: str) -> Callable[[Case, Part], Any]:
         if name in case.widths:
             low, high = ends_of(case.device, {name: case.widths[name]})
             return Within(float(low[0]) * (1 - 1e-9), float(high[0]) * (1 + 1e-9))
-        return case.device.get(name, 0.0)
+        own = [each.device.get(name, 0.0) for each in beside_whole(case)]
+        return Within(min(own), max(own))
 
     return oracle
 
 
 def device_parts(case: Case, part: Part) -> Any:
-    """The parts of a device of the box lie in it."""
+    """The parts of a device of the box lie in it; a delay without a box beside the stated one, at whole samples."""
     low, high = ends_of(case.device, case.widths)
     box = dict(zip(case.widths, zip(low, high, strict=True), strict=True))
+    for key in part["parts"].keys() - box.keys():
+        table, _, name = key.partition(".")
+        beside = [each.device[table][name] for each in beside_whole(case)]
+        box[key] = min(beside), max(beside)
     return Holds(all(box[key][0] * (1 - 1e-9) <= x <= box[key][1] * (1 + 1e-9) for key, x in part["parts"].items()))
 
 

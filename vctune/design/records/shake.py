@@ -36,7 +36,7 @@ class RingingRecord(RecordPart):
     time_constant_s: float  # -1/Re s, after which it has fallen to 1/e
     hand: Hand
     world: str  # the environment, in words
-    device: DeviceRecord | None = None  # the device of a box on which it rings
+    device: DeviceRecord | None = None  # where not the stated one: of the box, or with its delay at whole samples
 
     def place(self, units: Units) -> str:
         """Return the hand, the environment and, of a box, the device in words."""
@@ -157,6 +157,7 @@ def in_few_words(rings: RingingRecord | None, buzzes: BuzzRecord | None) -> list
 def _ringing_record(found: Ringing | None, problem: Problem) -> RingingRecord | None:
     if found is None or found.time_constant == inf:
         return None
+    other = found.device != problem.device.undisturbed.bare  # of a box, or with its delay beside whole samples
     boxed = problem.uncertainty is not None or problem.device.divided
     return RingingRecord(
         damping_ratio=found.damping_ratio,
@@ -164,7 +165,7 @@ def _ringing_record(found: Ringing | None, problem: Problem) -> RingingRecord | 
         time_constant_s=found.time_constant,
         hand=found.hand,
         world=_in_words(found.world, problem.units),
-        **({"device": device_record(found.device, problem)} if boxed else {}),
+        **({"device": device_record(found.device, problem, changed=other)} if boxed or other else {}),
     )
 
 
