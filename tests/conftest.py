@@ -63,8 +63,17 @@ def every_case_of(item: pytest.Item) -> bool:
     return params is not None and WHOLLY.get(item.path.name) in params.params and "number" not in params.params
 
 
+CI_ALONE = frozenset((ROOT / "tests/ci.txt").read_text().splitlines())
+"""Cases that do not run every time, or functions all of whose cases do not; made by tiers.py."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before the marks decide
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out all but `DRAWS` slow cases of a test, other ones each day; none of `every_case_of`."""
+    """Mark the cases of CI alone; leave out all but `DRAWS` slow cases of a test, other ones each day, and none of
+    `every_case_of`."""
+    for item in items:
+        if {item.nodeid, item.nodeid.partition("[")[0]} & CI_ALONE:
+            item.add_marker("ci")
     if DRAWS >= WHOLE:
         return
     left_out = []

@@ -327,8 +327,9 @@ position = 20000.0
 """
 
 
-@pytest.mark.parametrize("mass", ["{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
-@pytest.mark.parametrize("stiffness", ["0.0", "{ max = 0.0 }", "{ min = 0.0, max = 0.0 }"])
+@pytest.mark.parametrize(
+    ("mass", "stiffness"), [("{ max = 0.0 }", "0.0"), ("{ min = 0.0, max = 0.0 }", "{ max = 0.0 }")]
+)
 def test_the_controllers_spring_is_there_however_nothing_is_stated(arm, mass, stiffness):
     """With it the axis grows in a hand of .5 kg."""
     changed(arm, mass=six(2.0), stiffness=six(2e5), damping_ratio=damped(0.0, 50.0), filter_coefficient="1.0")
