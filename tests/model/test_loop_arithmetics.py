@@ -12,7 +12,7 @@ from agreement import contains
 from arithmetic import Digits
 from balls import BALLS, ball
 from conftest import drawn
-from device_cases import NUM, Case, cases
+from devices import NUM, Case, cases
 from flint import ctx
 
 from vctune.model.demands import Demands
