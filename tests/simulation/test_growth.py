@@ -60,7 +60,7 @@ def servo_loop(rng: Rng) -> Loop:
 
 def display_loop(rng: Rng) -> Loop:
     device = impedance(rng)
-    coupling = scaled(spring_for(rng, device), 10 ** rng.uniform(0.5, 3.5))
+    coupling = scaled(spring_for(rng, device), 10 ** rng.uniform(0, 2))
     gains = (float(device["damping"] * rng.choice([0.0, 0.5])), 0.0)
     return Loop(device, gains, coupling, triple(hands_for(rng, device["mass"], device["sample_time"])[1]))
 
@@ -72,7 +72,8 @@ def drawn(kind: str, number: int) -> Loop:
     """Return a loop before nothing or before an environment, about as great as the coupling."""
     rng = np.random.default_rng((31, list(LOOPS).index(kind), number))
     loop = LOOPS[kind](rng)
-    b, T = max(loop.coupling[0], 1e-3), loop.device["sample_time"]
+    T = loop.device["sample_time"]
+    b = loop.coupling[0] + (loop.coupling[1] * T if kind == "display" else 0.0)
     world = b * np.array([T, 1.0, 1 / T]) * 10 ** rng.uniform([-1, -2, -3], [1.5, 0, -0.5]) * (rng.random(3) < 0.6)
     return replace(loop, world=triple(world))
 
