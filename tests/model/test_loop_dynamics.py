@@ -78,7 +78,7 @@ LONG = [pytest.param(*case, marks=pytest.mark.slow) for case in (("far apart", d
 @pytest.mark.parametrize(("kind", "count"), [("ordinary", 12), *LONG])
 def test_model_agrees_with_the_definitions(kind, count):
     """R, |G_hh| and |1 - G_he|; far above a low-pass R loses what that takes away, which is bounded too."""
-    worst = {"R": (0.0, ""), "R/attenuation": (0.0, ""), "G_hh": (0.0, ""), "tracking": (0.0, "")}
+    compared, worst = 0, {"R": (0.0, ""), "R/attenuation": (0.0, ""), "G_hh": (0.0, ""), "tracking": (0.0, "")}
     for case, rng in cases(kind, 21, count):
         for omega in frequencies(case, rng, 6).tolist():
             true, ours, where = case.at(omega), loop_of(case.device, case.gains, omega), f"{case}, omega {omega!r}"
@@ -87,35 +87,40 @@ def test_model_agrees_with_the_definitions(kind, count):
                 "tracking": relative(np.sqrt(tracking_abs2(ours)), abs(true.tracking)),
             }
             if not turns(case, omega):
+                compared += 1
                 missed, lost = relative(required_resistance(ours, FLOATS), true.required), attenuation(case, omega)
                 found |= {"R": missed} if lost < LOST else {"R/attenuation": missed / lost}
             worst |= {name: max(worst[name], (error, where)) for name, error in found.items()}
     assert worst["R"][0] < DIGITS_OF_R, worst["R"]
+    assert compared >= 4 * count, compared
     assert worst["R/attenuation"][0] < 1e-14, worst["R/attenuation"]
     assert worst["G_hh"][0] < 1e-12, worst["G_hh"]
     assert worst["tracking"][0] < 1e-12, worst["tracking"]
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_springs_agree_with_the_definitions(seed):
+def test_springs_agree_with_the_definitions():
     """R, |G_hh|, |1 - G_he| and |S| of two or three springs, sensed at the motor or at the handle."""
-    rng = np.random.default_rng((41, seed))
-    parts = [part for part in ("at handle", "difference", "actuator", "low-pass", "delay") if rng.random() < 0.5]
-    table = built(rng, "springs", *parts)
-    device, gains = device_of(table), Gains(*gains_for(rng, table, float(rng.choice([0.0, 0.5]))))
-    resonances = np.concatenate(frequency.resonances(table))
-    for omega in np.concatenate([resonances * 1.01, 10 ** rng.uniform(-3, 0, 6) / device.sample_time]).tolist():
-        true = demanded({"device": table}, astuple(gains), NUM.i * NUM.number(omega), NUM)
-        ours = loop_of(device, gains, omega)
-        assert relative(np.sqrt(G_hh_abs2(ours)), abs(true.G_hh)) < 1e-9
-        assert relative(np.sqrt(tracking_abs2(ours)), abs(true.tracking)) < 1e-9
-        if not device.at_handle:
-            assert relative(ours.resistance / D_abs2(ours), true.resistance) < 1e-8
-            assert relative(required_resistance(ours, FLOATS), true.required) < 1e-7
-    at = np.geomspace(1e-3, 3.1, 40)
-    let_go = {key: value for key, value in table.items() if key != "force_sensor"}
-    expected = np.abs([sensitivity(Loop(let_go, astuple(gains)), np.exp(1j * theta)) for theta in at])
-    assert sensitivity_of(device, gains)(at / device.sample_time) == pytest.approx(expected, rel=1e-6)
+    at_motor = at_handle = 0
+    for seed in range(12):
+        rng = np.random.default_rng((41, seed))
+        parts = [part for part in ("at handle", "difference", "actuator", "low-pass", "delay") if rng.random() < 0.5]
+        table = built(rng, "springs", *parts)
+        device, gains = device_of(table), Gains(*gains_for(rng, table, float(rng.choice([0.0, 0.5]))))
+        resonances = np.concatenate(frequency.resonances(table))
+        for omega in np.concatenate([resonances * 1.01, 10 ** rng.uniform(-3, 0, 6) / device.sample_time]).tolist():
+            true = demanded({"device": table}, astuple(gains), NUM.i * NUM.number(omega), NUM)
+            ours = loop_of(device, gains, omega)
+            assert relative(np.sqrt(G_hh_abs2(ours)), abs(true.G_hh)) < 1e-9
+            assert relative(np.sqrt(tracking_abs2(ours)), abs(true.tracking)) < 1e-9
+            if not device.at_handle:
+                assert relative(ours.resistance / D_abs2(ours), true.resistance) < 1e-8
+                assert relative(required_resistance(ours, FLOATS), true.required) < 1e-7
+        at = np.geomspace(1e-3, 3.1, 40)
+        let_go = {key: value for key, value in table.items() if key != "force_sensor"}
+        expected = np.abs([sensitivity(Loop(let_go, astuple(gains)), np.exp(1j * theta)) for theta in at])
+        assert sensitivity_of(device, gains)(at / device.sample_time) == pytest.approx(expected, rel=1e-6)
+        at_motor, at_handle = at_motor + (not device.at_handle), at_handle + device.at_handle
+    assert at_motor >= 3 and at_handle >= 3, (at_motor, at_handle)
 
 
 def D_abs2(loop: Any) -> float:

@@ -126,13 +126,24 @@ def test_motion_grows_and_turns_in_time_by_the_largest_root(kind):
             assert np.abs(np.asarray(states)[:, k] - expected).max() < 1e-7 * abs(top) ** (k + 1), number
 
 
+def told(loop: Loop) -> bool:
+    """Return whether a loop clearly grows and oscillates; assert that its rate and frequency are told then."""
+    pole = np.log(top_of(matrix(loop))) / loop.T
+    if pole.real < 1e-3 * abs(pole) or not 1e-3 * abs(pole) < abs(pole.imag) < 0.9 * pi / loop.T:
+        return False
+    met = World(*loop.world)
+    found = growth_near(device_of(dict(loop.device)), *law_of(loop), Hand(*loop.hand), met, abs(pole.imag))
+    assert found is not None
+    assert (found.rate, 2 * pi * found.hz) == pytest.approx((pole.real, abs(pole.imag)), rel=1e-7)
+    return True
+
+
 @pytest.mark.parametrize("sample_time", [1e-3, 4e-3])
 def test_a_growing_motion_is_told_by_its_rate_and_frequency(sample_time):
     """log |z|/T of the stepped loop, at its angle."""
     device = {"mass": 0.4, "damping": 2.0, "sample_time": sample_time, "delay": 2 * sample_time}
-    loop = Loop(device, (60.0, 1500.0), (20.0, 0.05, 0.1), (0.2, 1.0, 1500.0), (0.0, 0.0, 3000.0))
-    pole = np.log(top_of(matrix(loop))) / sample_time
-    met = World(*loop.world)
-    found = growth_near(device_of(device), *law_of(loop), Hand(*loop.hand), met, abs(pole.imag))
-    assert found is not None and pole.real > 1.0
-    assert (found.rate, 2 * pi * found.hz) == pytest.approx((pole.real, abs(pole.imag)), rel=1e-8)
+    assert told(Loop(device, (60.0, 1500.0), (20.0, 0.05, 0.1), (0.2, 1.0, 1500.0), (0.0, 0.0, 3000.0)))
+
+
+def test_growing_motions_of_servos_are_told():
+    assert sum(told(drawn("servo", number)) for number in range(MANY)) >= MANY / 8

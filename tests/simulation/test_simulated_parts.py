@@ -1,6 +1,6 @@
 """The simulation of devices as they are: velocity estimate, actuator, force sensor and a handle on a spring.
 
-Against events that scipy integrates between (`parts_in_time`); how a loop grows is in `test_growth`.
+Against events that scipy integrates between (`parts_in_time`); the radius by which a loop grows is in `test_growth`.
 """
 
 from __future__ import annotations

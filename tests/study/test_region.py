@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from math import inf
+from math import exp, inf
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +91,22 @@ def test_swapped_axes_give_the_transpose():
     assert (upright[0] == swapped[0].T).all()
     assert (upright[2] == swapped[2]).all()
     assert len(set(upright[0].ravel())) == 3
+
+
+@pytest.mark.slow
+def test_the_velocity_loop_alone_is_stable_up_to_a_gain():
+    """z = a - K_v (1 - a)/b on the line K_p = 0, the only limit when |S| hardly is one."""
+    text = (
+        DEVICE + "[gains]\nvelocity = { min = 600.0, max = 1000.0 }\nposition = 0.0\n"
+        "[stability]\nband_hz = [0.5, 1.0]\nmax_sensitivity = 1e4\n"
+    )
+    cells = found(text, K_V, B_C, 6)
+    a = exp(-2.0 * 1e-3 / 0.4)
+    limit = 2.0 * (1 + a) / (1 - a)
+    x = cells.plane.edges[0]
+    assert x[cells.squares[1, cells.kinds == Kind.FEASIBLE]].max() <= limit
+    assert x[cells.squares[0, cells.kinds == Kind.INFEASIBLE]].max() > limit
+    assert (cells.kinds[x[cells.squares[0]] > limit] == Kind.INFEASIBLE).all()
 
 
 def test_no_loop_is_judged_and_takes_no_memory():
