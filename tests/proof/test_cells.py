@@ -137,7 +137,7 @@ def contradiction(kind, tables, rng, counts):
         table, _, name = key.partition(".")
         middle = tables[table][name] or 1e-3
         wide = with_number(wide, key, {"min": middle / FAR, "max": middle * FAR})
-    found = vctune.region(wide, *WHERE[kind], resolution=1 / 16).region
+    found = vctune.region(wide, *WHERE[kind], resolution=1 / 8).region
     for said, never in ((Kind.FEASIBLE, "violated"), (Kind.INFEASIBLE, "certified")):
         for place, named in points(found, said, rng):
             posed = with_number(with_number(tables, WHERE[kind][0], place[0]), WHERE[kind][1], place[1])
@@ -154,7 +154,7 @@ def contradiction(kind, tables, rng, counts):
     return None
 
 
-@pytest.mark.parametrize("kind", mostly_slow(WHERE, ["band", "servo", "display", "wall"]))
+@pytest.mark.parametrize("kind", mostly_slow(WHERE, ["band", "servo", "display"]))
 def test_points_of_cells_are_what_their_cells_say(kind):
     """No certificate contradicts one, and in some hands before some environments a feasible point does not grow."""
     counts, number = Counter(), 0
