@@ -8,11 +8,11 @@ from math import inf, pi, sqrt
 import numpy as np
 import pytest
 from arithmetic import DOUBLES
-from device_pairs import tables_of
 from frequency import demanded
 from pushed_handle import Stepped
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, WALL_HZ, feel, sensor_miss, stiffness_in_contact
+from vctune.document.schema.statement import device_table
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
@@ -52,7 +52,7 @@ def test_what_the_force_sensor_misses():
 @pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
 def test_tracking_ends_where_an_independent_model_says(device):
     def tracked(hz):
-        at = demanded(tables_of(device), (60.0, 3000.0), 2j * pi * hz, DOUBLES)
+        at = demanded({"device": device_table(device)}, (60.0, 3000.0), 2j * pi * hz, DOUBLES)
         return abs(1 - at.tracking)
 
     ends = feel(device, Gains(60.0, 3000.0), COUPLING).tracking_bandwidth
@@ -63,7 +63,7 @@ def test_tracking_ends_where_an_independent_model_says(device):
 @pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
 @pytest.mark.parametrize("gains", [Gains(60.0, 3000.0), Gains(60.0, 0.0)], ids=["PI", "P"])
 def test_numbers_are_those_of_a_stepped_loop(device, gains):
-    felt, law = feel(device, gains, COUPLING), (tables_of(device)["device"], astuple(gains), astuple(COUPLING))
+    felt, law = feel(device, gains, COUPLING), (device_table(device), astuple(gains), astuple(COUPLING))
     for k, hz in enumerate(FREE_HZ):
         Z = Stepped(*law, (0.0, 0.0, 0.0), 2 * pi * hz).felt()
         assert (felt.damping[k], felt.mass[k]) == pytest.approx((Z.real, Z.imag / (2 * pi * hz)), rel=1e-7)

@@ -10,9 +10,9 @@ import control
 import draws
 import numpy as np
 import pytest
-import random_devices
 from conftest import DEVICE, for_passive_hands, mostly_slow
-from device_pairs import device_of
+from devices import device_of
+from draws import combined, gains_for
 from matplotlib.figure import Figure
 
 import vctune
@@ -46,8 +46,8 @@ def margins_of(L):
 def stable_device(rng, number):
     """Return a device with a combination of parts, and gains that are stable."""
     while True:
-        device = random_devices.with_parts(rng, number)
-        gains, _ = random_devices.ordinary_gains(device, rng)
+        table = combined(rng, number)
+        device, gains = device_of(table), Gains(*gains_for(rng, table))
         if spectral_radius(device, gains) < 1:
             return device, gains
 

@@ -8,9 +8,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 from command import check_files
-from conftest import mostly_slow
-from device_pairs import tables_of
-from loop import Loop, Triple, matrix, radius
+from loop import Loop, Triple, radius
 from loop import seen as answer
 from pushed_handle import Stepped
 from scipy.optimize import minimize_scalar
@@ -18,7 +16,7 @@ from scipy.optimize import minimize_scalar
 import vctune
 from vctune.analysis.demands import transparency_error
 from vctune.analysis.feel import feel
-from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios_in_any_hand
 from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.check import CheckVerdict
 from vctune.design.judging.judge import Status, judge
@@ -27,6 +25,7 @@ from vctune.design.records.design import record_of
 from vctune.design.records.felt import in_hand_record
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
+from vctune.document.schema.statement import device_table
 from vctune.document.text.errors import InputError
 from vctune.model.design import Design
 from vctune.model.device import Device
@@ -42,8 +41,6 @@ from vctune.proof.certificate import certify
 from vctune.proof.enclosures.intervals import ENCLOSURES, Enclosure, decimal
 from vctune.proof.outcome import Verdict
 from vctune.report.page import report_files
-from vctune.simulation.scene import designed_scene
-from vctune.simulation.two_runs import fastest_mode
 
 B, T = 0.8, 1e-3
 
@@ -120,7 +117,7 @@ def test_half_a_sample_of_delay_costs_more_than_its_size():
 
 def loop_of(device: Device, hand: Hand, resonators: tuple[Triple, ...] = (), K_v: float = 0.0) -> Loop:
     """Return the loop of the oracles; what its environment sees is y over a force that is not rendered."""
-    return Loop(tables_of(device)["device"], (K_v, 0.0), (0.0, 0.0), astuple(hand), resonators=resonators)
+    return Loop(device_table(device), (K_v, 0.0), (0.0, 0.0), astuple(hand), resonators=resonators)
 
 
 def disc(device: Device, theta: np.ndarray):
@@ -172,43 +169,6 @@ def test_every_hand_answers_within_the_disc_and_at_low_frequencies_some_next_to_
         nearest = np.maximum(nearest, share)
         assert (share <= 1 + 1e-9).all()
     assert nearest[0] > 0.99  # above, several aliases have to be turned at once
-
-
-def grown(random: np.random.Generator, device: Device, gains: Gains, coupling: SpringDamper) -> float:
-    """Return the spectral radius in a random passive hand with resonators, before nothing, a wall or a random world."""
-    hand = Hand(*(random.choice([0, 10 ** random.uniform(*ends)]) for ends in ((-3, 1), (-2, 2), (0, 5))))
-    masses = 10 ** random.uniform(-3, 0, random.integers(0, 4))
-    resonators = tuple(
-        (m, random.choice([0, 10 ** random.uniform(-2, 1)]), m * (random.uniform(0.05, 4) * pi / T) ** 2)
-        for m in masses.tolist()
-    )
-    there = random.random(3) < 0.6
-    world = tuple(map(float, 10 ** random.uniform([-4, -2, 0], [1, 3, 7]) * there))
-    if random.random() < 0.15:
-        world = (0.0, 1e9, 0.0)
-    held = loop_of(device, hand, resonators, gains.velocity)
-    return radius(replace(held, coupling=(coupling.damping, coupling.stiffness), world=world))
-
-
-ROUNDING = 1e-6
-"""Of a double eigenvalue on the unit circle, whose rounding is the root of that of the matrix."""
-
-
-@pytest.mark.parametrize("number", mostly_slow(range(50), range(3)))
-def test_what_is_certified_survives_random_hands_and_environments(number):
-    random = np.random.default_rng((23, number))
-    low_pass = VelocityEstimate("difference", *((float(random.uniform(20, 400)), 1) if number % 2 else ()))
-    device = display(
-        mass=float(10 ** random.uniform(-2, 0)), damping=float(10 ** random.uniform(-1.5, 0.7)), velocity=low_pass,
-        delay=float(random.choice([0.0, random.uniform(0, 2)])) * T,
-    )  # fmt: skip
-    problem = arm(device, factor=1.02, gains={"velocity": float(random.choice([0.0, 0.3])) * device.damping})
-    solved = solve(problem)
-    assert solved.status is Status.CERTIFIED, device
-    judged = solved.judgement
-    assert max(grown(random, device, judged.gains, judged.coupling) for _ in range(60)) < 1 + ROUNDING, device
-    stiffer = replace(judged.coupling, stiffness=judged.coupling.stiffness * 1.5, damping=judged.coupling.damping * 1.5)
-    assert judge(problem, judged.gains, stiffer).status is Status.VIOLATED
 
 
 def test_the_best_coupling_is_that_of_the_closed_form():
@@ -324,28 +284,6 @@ def test_uncertain_damping_counts_with_its_least():
     assert best.damping + best.stiffness * T / 2 == pytest.approx(0.75 * B, rel=1e-3)
 
 
-EXPERIMENT = {
-    "name": "mass",
-    "environment": {"stiffness": 900.0, "mass": 0.3, "damping": 0.4, "rule": "trapezoid"},
-    "operator": {"to": 0.01, "cycles": 1, "mass": 0.2, "stiffness": 300.0, "damping": 3.0},
-}
-
-
-@pytest.mark.parametrize("order", [0, 1])
-@pytest.mark.parametrize("late", [0.0, 0.4, 1.7])
-def test_the_simulated_loop_is_that_of_the_state_matrix(order, late):
-    filter_hz = 60.0 if order else None
-    device = display(delay=late * T, velocity=VelocityEstimate("difference", filter_hz, order or 1))
-    problem = problem_of(
-        {"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [EXPERIMENT]}
-    ).problem
-    gains, coupling = Gains(0.3, 0.0), SpringDamper(0.4, 700.0)
-    mode = fastest_mode(designed_scene(device, gains, coupling, problem.experiments[0]))
-    held = loop_of(device, Hand(0.2, 3.0, 300.0), K_v=0.3)
-    values = np.linalg.eigvals(matrix(replace(held, coupling=(0.4, 700.0), world=(0.3, 0.4, 900.0))))
-    assert mode.radius == pytest.approx(np.abs(values[np.abs(values - 1) > 1e-6]).max(), abs=1e-9)
-
-
 @pytest.mark.advice
 def test_a_gains_file_without_gains_is_checked(tmp_path):
     device = f'[device]\ndisplay = "impedance"\nmass = 0.1\ndamping = {B}\nsample_time = {T}\n'
@@ -380,23 +318,6 @@ def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
     table = {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T}
     wall = Stepped(table, (0.0, 0.0), (0.0, 1000.0), (0.0, 0.0, inf), 2 * pi * 10.0).felt()
     assert felt.stiffness == pytest.approx(2 * pi * 10.0 * abs(wall), rel=1e-7)
-
-
-@pytest.mark.slow
-def test_in_hands_more_than_a_triangle_is_proved():
-    document = {
-        "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T},
-        "coupling": {"stiffness": {"min": 1000.0, "max": 8000.0}, "damping": {"min": 1.0, "max": 40.0}},
-        "stability": {"safety_factor": 1.0, "criterion": "hands"},
-    }
-    found = vctune.region(document, resolution=1 / 16)
-    assert found.areas["feasible"] > 0.3
-    b_c, k_c = (found.region.plane.edges[i] for i in (0, 1))
-    random, cells = np.random.default_rng(1), found.region.squares.T[found.region.kinds == 1]
-    for at in random.choice(len(cells), size=min(8, len(cells)), replace=False):
-        square = cells[at]
-        coupling = SpringDamper(random.uniform(*b_c[square[:2]]), random.uniform(*k_c[square[2:]]))
-        assert least_ratios_in_hands(display(), HUMAN_HANDS, Gains(0.0, 0.0), coupling)[0].ratio >= 1
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])

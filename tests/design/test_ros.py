@@ -11,13 +11,13 @@ import pytest
 import yaml
 from command import run as vctune
 from command import strict
-from device_pairs import tables_of
 from loop import Loop, radius
 
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance import corner_hz, coupling_of_admittance
 from vctune.document.reading import read_problem
 from vctune.document.ros import Admittance, read_admittances
+from vctune.document.schema.statement import device_table
 from vctune.exit_codes import ExitCode
 from vctune.simulation.controller import coupling_coefficients
 
@@ -110,7 +110,7 @@ def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
 
 def growth(problem, axis, coefficient, hand):
     """Return the spectral radius of the arm under the admittance, both as the controller computes them."""
-    table = tables_of(problem.device)["device"]
+    table = device_table(problem.device)
     table["force_sensor"] = table.get("force_sensor", {}) | {"filter_coefficient": coefficient}
     gains = problem.bounds.velocity.min, problem.bounds.position.min
     return radius(Loop(table, gains, hand=hand, rule=(axis.mass, axis.damping, axis.stiffness)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import astuple, replace
+from dataclasses import replace
 from math import inf, tan
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 from command import run
 from conftest import mostly_slow
-from device_pairs import tables_of
-from loop import Loop, matrix
 
-from vctune.analysis.in_worlds import binding_world, growth_near, reaction
+from vctune.analysis.in_worlds import binding_world, reaction
 from vctune.api.solving import solve
 from vctune.design.judging.judge import Status, judge
 from vctune.document.building import problem
@@ -225,19 +223,6 @@ def test_the_environment_that_presses_hardest_is_in_the_box(stiffness: float) ->
     masses, springs = {world.mass for world in found if world}, {world.stiffness for world in found if world}
     assert min(masses) == low.mass and max(masses) == high.mass
     assert min(springs) == low.stiffness and max(springs) == high.stiffness
-
-
-@pytest.mark.parametrize("sample_time", [1e-3, 4e-3])
-def test_a_motion_grows_at_the_rate_of_the_loops_greatest_pole(sample_time: float) -> None:
-    """log |z|/T of the stepped loop, at its angle."""
-    device, law = Device(0.4, 2.0, sample_time, 2 * sample_time), (Gains(60.0, 1500.0), Coupling(20.0, 0.05, 0.1))
-    hand, world = Hand(0.2, 1.0, 1500.0), World(0.0, 0.0, 3000.0)
-    loop = Loop(tables_of(device)["device"], *map(astuple, (*law, hand, world)))
-    poles = np.linalg.eigvals(matrix(loop))
-    pole = np.log(poles[np.argmax(np.abs(poles))]) / sample_time
-    found = growth_near(device, *law, hand, world, abs(pole.imag))
-    assert found is not None and pole.real > 1.0
-    assert (found.rate, 2 * np.pi * found.hz) == pytest.approx((pole.real, abs(pole.imag)), rel=1e-8)
 
 
 def box(*ranges: tuple[float, float]) -> dict[str, dict[str, float]]:

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from balls import BALLS, PRECISION, ball
 from conftest import mostly_slow
-from device_pairs import device_of, tables_of
+from devices import device_of
 from flint import arb, ctx
 from loop import Loop
 from loop import seen as oracle
 
+from vctune.document.schema.statement import device_table
 from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
@@ -49,7 +50,7 @@ UNIT_HANDS = [Hand(*map(float, unit)) for unit in np.eye(3)]
 
 def seen(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
     """Return what the oracle says of Z_seen."""
-    return oracle(Loop(tables_of(device)["device"], hand=astuple(hand)), np.exp(1j * theta))
+    return oracle(Loop(device_table(device), hand=astuple(hand)), np.exp(1j * theta))
 
 
 def required_of_servo(plant, hand, theta, ops) -> Required:

@@ -5,6 +5,7 @@ Nothing of vctune is imported.
 
 from __future__ import annotations
 
+from itertools import compress, product
 from math import pi
 from typing import Any
 
@@ -118,6 +119,20 @@ def built(rng: Rng, *parts: str) -> Tables:  # noqa: PLR0912
     return device | ({"force_sensor": sensor} if sensor else {})
 
 
+CHOICES = ("difference", "filter", "actuator", "low-pass", "late sensor", "structure")
+COMBINATIONS = [
+    (*late, *compress(CHOICES, there))
+    for late in ((), ("delay",), ("part of a sample",))
+    for there in product((False, True), repeat=len(CHOICES))
+]
+"""Parts that a device may have together."""
+
+
+def combined(rng: Rng, number: int) -> Tables:
+    """Return an admittance display with the number-th combination of parts, one after the other."""
+    return built(rng, *COMBINATIONS[number % len(COMBINATIONS)])
+
+
 PARTS = {
     "delay": 0.2, "part of a sample": 0.5, "difference": 0.2, "filter": 0.3, "actuator": 0.3, "low-pass": 0.4,
     "late sensor": 0.3, "structure": 0.3,
@@ -131,6 +146,42 @@ def admittance(rng: Rng, *, flexible: bool = True) -> Tables:
         parts = [part for part, chance in PARTS.items() if rng.random() < chance * (flexible or part != "structure")]
         if sums_are_clear(device := built(rng, *parts), whole=False):
             return device
+
+
+def parts_of_any_size(rng: Rng, ideal: Tables, rates: tuple[float, float], share: float) -> Tables:
+    """Return the tables of parts, each there with a chance; rates are decades relative to the sampling rate."""
+    T, found = ideal["sample_time"], dict[str, Any]()
+
+    def has() -> bool:
+        return bool(rng.random() < share)
+
+    def low_pass() -> Tables:
+        return {"bandwidth_hz": decimal(decades(rng, *rates) / T), "order": int(rng.integers(1, 3))}
+
+    if has():
+        found["velocity"] = {"from": str(rng.choice(["measured", "difference"]))}
+        if has():
+            found["velocity"]["filter_hz"] = decimal(min(decades(rng, *rates), 0.49) / T)
+            found["velocity"]["filter_order"] = int(rng.integers(1, 3))
+    if has():
+        found["actuator"] = low_pass()
+    if has():
+        found["force_sensor"] = {"delay": decimal(T * decades(rng, -4, 1.5))} if has() else {}
+        found["force_sensor"] |= low_pass() if has() else {}
+    if has():
+        found["structure"] = {"handle_mass": decimal(ideal["mass"] * min(decades(rng, -3, 0), 0.95))}
+        found["structure"]["frequency_hz"] = decimal(decades(rng, *rates) / T)
+        found["structure"]["damping_ratio"] = decades(rng, -4, 0.5) * (rng.random() < 0.9)
+    return found
+
+
+def of_any_size(rng: Rng, rates: tuple[float, float] = (-5.5, 2.5), share: float = 0.6) -> Tables:
+    """Return an admittance display over ten decades with any of its parts."""
+    T, mass = decades(rng, -5, -2), decades(rng, -5, 5)
+    ideal: Tables = {"mass": mass, "sample_time": T}
+    ideal["delay"] = decimal(T * rng.uniform(0, 3)) * (rng.random() < 0.4)
+    ideal["damping"] = decimal(mass / (T / 2 + ideal["delay"]) * 10 ** rng.uniform(-8, 0)) * (rng.random() < 0.9)
+    return ideal | parts_of_any_size(rng, ideal, rates, share)
 
 
 def built_servo(rng: Rng, *parts: str, order: int = 1, most: int = 8) -> Tables:
@@ -199,6 +250,22 @@ def gains_for(rng: Rng, device: Tables, share: float = 0.5) -> tuple[float, floa
     """Return gains of a size that may be stable, with an integrator by chance."""
     velocity = decimal(device["mass"] / lag_of(device) * 10 ** rng.uniform(-1.5, -0.3))
     return velocity, decimal(velocity / lag_of(device) * 10 ** rng.uniform(-3, -1)) if rng.random() < share else 0.0
+
+
+def hand_for(rng: Rng, device: Tables) -> tuple[float, float, float]:
+    """Return a hand from one that is hardly there to one that moves a device as it likes; often without a part."""
+    mass, T = device["mass"], device["sample_time"]
+    numbers = mass * decades(rng, -2, 1), mass / T * decades(rng, -3, 0.5), mass / T**2 * decades(rng, -5, 1)
+    there = rng.random(3) < 0.75
+    there[int(rng.integers(3))] = True
+    return triple(decimal(x * has) for x, has in zip(numbers, there, strict=True))
+
+
+def operator_for(rng: Rng, device: Tables) -> Tables:
+    """Return the table of a least operator, often without mass or without damping."""
+    mass, T = device["mass"], device["sample_time"]
+    found = {"mass": decimal(mass * decades(rng, -3, 1)), "damping": decimal(mass / T * decades(rng, -6, 0))}
+    return {key: number for key, number in found.items() if rng.random() < 0.7}
 
 
 def coupling_for(rng: Rng, device: Tables, impedance: float, share: float = 0.5) -> tuple[float, float, float]:

@@ -392,7 +392,7 @@ def _run(of: str) -> dict[str, Oracle]:
         f"{of}.loop.hz": lambda case, _: Within(0.0, 0.5 / case.T * (1 + 1e-9)),
         f"{of}.loop.spectral_radius": loop_of_run(
             lambda z, _: Near(float(abs(z).max()), 1e-6)
-        ) if design else Elsewhere("simulation/test_simulated_parts.py", "radius"),
+        ) if design else Elsewhere("simulation/test_growth.py", "radius"),
         f"{of}.loop.stable": lambda case, part: Said(part["spectral_radius"] < 1),
         f"{of}.motion.kind": shaken, f"{of}.motion.frequency_hz": shaken, f"{of}.motion.amplitude_m": shaken,
         f"{of}.motion.rests": SHAKES,

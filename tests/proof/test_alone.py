@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from arithmetic import DOUBLES
 from conftest import DRAWS
+from draws import admittance, gains_for
 from frequency import demanded, low_pass
-from random_devices import ordinary, ordinary_gains
 
 import vctune
-from vctune.document.schema.statement import device_table
 from vctune.model.gains import Coupling, Gains
 from vctune.proof.outcome import Verdict
 
@@ -44,20 +43,25 @@ def verdict(tables: dict[str, Any], mass: float, drag: float) -> Verdict:
     return judged.certificate.outcomes["alone"].verdict
 
 
-@pytest.mark.parametrize("seed", range(3 * DRAWS))
-def test_a_thousandth_beside_the_limit_decides(seed: int) -> None:
+def test_a_thousandth_beside_the_limit_decides() -> None:
     """Devices with all their parts, with and without an integrator and a drag."""
-    rng = np.random.default_rng((91, seed))
-    device = ordinary(rng, held=0)
-    gains, _ = ordinary_gains(device, rng)
-    mass, drag = device.mass * 10 ** rng.uniform(-2, 1), device.damping * 10 ** rng.uniform(-1, 1) * rng.integers(2)
-    tables = stated(device_table(device), gains.velocity, gains.position)
-    scale = scale_needed(tables, mass, drag)
-    if not 0 < scale < inf:
-        assert verdict(tables, mass, drag) is (Verdict.PROVED if scale <= 0 else Verdict.REFUTED)
-        return
-    for share, expected in ((0.999, Verdict.REFUTED), (1.001, Verdict.PROVED)):
-        assert verdict(tables, share * scale * mass, share * scale * drag) is expected
+    proved = refuted = limits = 0
+    for number in range(3 * DRAWS):
+        rng = np.random.default_rng((91, number))
+        device = admittance(rng) | {"hold": str(rng.choice(["zoh", "zoh", "lag"]))}
+        mass = device["mass"] * 10 ** rng.uniform(-2, 1)
+        drag = device["damping"] * 10 ** rng.uniform(-1, 1) * rng.integers(2)
+        tables = stated(device, *gains_for(rng, device))
+        scale = scale_needed(tables, mass, drag)
+        if 0 < scale < inf:
+            assert verdict(tables, 0.999 * scale * mass, 0.999 * scale * drag) is Verdict.REFUTED, number
+            scale, limits = 1.001 * scale, limits + 1
+        found = (
+            verdict(tables, max(scale, 1) * mass, max(scale, 1) * drag) if scale < inf else verdict(tables, mass, drag)
+        )
+        assert found is (Verdict.PROVED if scale < inf else Verdict.REFUTED), number
+        proved, refuted = proved + (scale < inf), refuted + (scale == inf)
+    assert limits >= DRAWS and proved >= DRAWS, (limits, proved, refuted)
 
 
 def test_the_least_mass_of_a_proportional_loop_is_that_of_keemink() -> None:

@@ -1,18 +1,18 @@
-"""Filters by their coefficients, walls with a measured velocity, and regions of walls in hands."""
+"""Filters by their coefficients, and walls with a measured velocity."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from math import inf, pi
 from typing import Any
 
 import numpy as np
 import pytest
 from arithmetic import DOUBLES
-from conftest import mostly_slow
+from conftest import DRAWS
 from draws import sections
 from frequency import demanded
-from loop import Loop, radius
 from scipy import signal
 
 import vctune
@@ -27,45 +27,11 @@ from vctune.proof.claims.poles import coupling_turns
 DUAL = {"display": "impedance", "mass": 0.05, "damping": 0.3, "sample_time": 1e-3, "delay": 5e-4}
 NOTCH = signal.tf2sos(*signal.iirnotch(60, 3, fs=1000)).tolist()
 WALLS = {"environment": {"stiffness": inf}, "stability": {"criterion": "hands", "safety_factor": 1.05}}
-PLANE = {"stiffness": {"min": 50.0, "max": 5000.0}, "damping": {"min": 0.01, "max": 30.0}}
-FLEXIBLE = {"structure": {"handle_mass": 0.02, "frequency_hz": 120.0, "damping_ratio": 0.05}}
-DEVICES: dict[str, dict[str, Any]] = {
-    "low-pass": DUAL | {"velocity": {"filter_hz": 50.0}},
-    "notch": DUAL | {"velocity": {"sections": NOTCH}},
-    "measured": DUAL | {"delay": 1.5e-3, "velocity": {"from": "measured", "filter_coefficient": 0.6}},
-    "flexible": DUAL | FLEXIBLE | {"velocity": {"filter_hz": 100.0}},
-}
 
 
 def judged(tables: dict[str, Any]) -> Any:
     problem = vctune.problem(tables).problem
     return vctune.judge(problem, *problem.fixed_design)
-
-
-def grows(device: dict[str, Any], b: float, k: float, hand: tuple[float, float, float]) -> bool:
-    """Return whether a wall in a hand grows, stepped."""
-    measured = device["velocity"].get("from") == "measured"
-    still = (0.0, 1e9 * (b + k * device["sample_time"]), 0.0)  # a damper that nothing moves
-    return radius(Loop(device, (0.0, 0.0), (b, k), hand, (0.0, 0.0, 0.0) if measured else still)) > 1 + 1e-9
-
-
-@pytest.mark.parametrize("name", mostly_slow(DEVICES, []))
-def test_no_wall_of_a_proved_cell_grows_in_any_hand(name):
-    found = vctune.region({"device": DEVICES[name], "coupling": PLANE} | WALLS, resolution=1 / 16).region
-    cells, rng = found.plane.cells(found.squares), np.random.default_rng(7)
-    feasible, infeasible = (np.flatnonzero(found.kinds == kind) for kind in (1, 2))
-    assert found.area(1) > 0.35 and found.area(2) > 0.3
-    for number in range(300):
-        cell, place = rng.choice(feasible), rng.random(2) if number % 3 else np.round(rng.random(2))
-        b, k = cells.low[2:, cell] * (cells.high[2:, cell] / cells.low[2:, cell]) ** place * rng.uniform(1, 1.05)
-        share = np.where(rng.random(3) < 0.5, np.round(rng.random(3)), rng.random(3) ** 3)
-        assert not grows(DEVICES[name], b, k, (0.5 * share[0], 30 * share[1], 3000 * share[2])), (b, k, share)
-    hands = [
-        (m, B, K) for m in (0.0, 0.005, 0.05, 0.5) for B in (0.0, 1.5) for K in (0.0, 3.0, 30.0, 150.0, 900.0, 3e3)
-    ]
-    for cell in rng.choice(infeasible, 12):
-        b, k = np.sqrt(cells.low[2:, cell] * cells.high[2:, cell]) * 1.05
-        assert any(grows(DEVICES[name], b, k, hand) for hand in hands), (b, k)
 
 
 def test_a_low_pass_is_the_same_however_it_is_stated():
@@ -204,15 +170,18 @@ def test_sections_that_amplify_make_the_model_unstable_far_above_its_corner():
     assert stable_model(device, 70.0) == "refuted"
 
 
-@pytest.mark.parametrize("seed", mostly_slow(range(40), range(8)))
-def test_poles_of_the_model_are_counted_behind_sections_that_amplify(seed):
+def test_poles_of_the_model_are_counted_behind_sections_that_amplify():
     """D turns on after the motor's inertia alone would outweigh K_v: the gain of the sections counts."""
-    rng = np.random.default_rng((7, seed))
-    T, mass = 1e-3, 0.4
-    K_v = float(mass / T * 10 ** rng.uniform(-2.5, -0.3))
-    device = {"mass": mass, "damping": 1.0, "sample_time": T, "velocity": {"sections": [amplifying(rng)]}}
-    s = 1e-6 / T + 1j * np.concatenate([np.geomspace(1e-8, 1e-2, 2000), np.linspace(1e-2, 400, 200_000)]) / T
-    turns = np.unwrap(np.angle(demanded({"device": device}, (K_v, 0.0), s, DOUBLES).D))
-    poles = (turns[0] - turns[-1]) / pi
-    verdict = stable_model(device, K_v)
-    assert verdict == "undecided" or (verdict == "proved") == (abs(poles) < 0.3), (verdict, poles)
+    counts = Counter()
+    for seed in range(4 * DRAWS):
+        rng = np.random.default_rng((7, seed))
+        T, mass = 1e-3, 0.4
+        K_v = float(mass / T * 10 ** rng.uniform(-2.5, 0.3))
+        device = {"mass": mass, "damping": 1.0, "sample_time": T, "velocity": {"sections": [amplifying(rng)]}}
+        s = 1e-6 / T + 1j * np.concatenate([np.geomspace(1e-8, 1e-2, 2000), np.linspace(1e-2, 400, 200_000)]) / T
+        turns = np.unwrap(np.angle(demanded({"device": device}, (K_v, 0.0), s, DOUBLES).D))
+        poles = (turns[0] - turns[-1]) / pi
+        verdict = stable_model(device, K_v)
+        counts[verdict] += 1
+        assert verdict == "undecided" or (verdict == "proved") == (abs(poles) < 0.3), (seed, verdict, poles)
+    assert counts["proved"] >= DRAWS / 2 and counts["refuted"] >= DRAWS / 2, counts

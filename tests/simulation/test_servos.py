@@ -1,38 +1,28 @@
-"""The simulation of a servo: against loops that are sampled elsewhere, in time, and against its certificate.
+"""The simulation of a servo between samples: what it and the hand do is integrated by SciPy from event to event.
 
-`oracles/loop.py` has the loop. What a servo does between samples, and what the hand does to it, is integrated by SciPy
-from event to event.
+How a loop grows from sample to sample is in `test_growth`.
 """
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from fractions import Fraction
-from math import floor, log, pi
+from math import floor, pi
 
 import numpy as np
 import pytest
-from conftest import mostly_slow
-from device_pairs import device_of
-from kinds import servo
-from loop import Loop, matrix
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from vctune import InputError, simulate
-from vctune.design.judging.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, MovingHand, Sensors
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hands import Hand
 from vctune.model.parts import ForceSensor, Servo
 from vctune.report.experiments import HEADINGS, measured_rows
-from vctune.simulation.compiled import INPUT_NAMES, SAMPLES_PER_CALL, build
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene, designed_scene, equilibrium, intended_motion
-from vctune.simulation.together import matrices_of
-from vctune.simulation.two_runs import STANDING, fastest_mode
 
 NO_GAINS = Gains(0.0, 0.0)
 HAND = MovingHand("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
@@ -61,13 +51,6 @@ WALKER = stated(
     },
     (176.96772, 1.23461, 35.901379), (2.0, 30.0, 1000.0),
 )  # fmt: skip
-CONTACT = stated(
-    {
-        "sample_time": 0.001, "servo": {"delay": 0.004, "bandwidth_hz": 40.0},
-        "force_sensor": {"bandwidth_hz": 200.0, "order": 2},
-    },
-    (1943.9452, 2.8515397, 302.56473), (5.0, 100.0, 30000.0),
-)  # fmt: skip
 FILTERED = ARM | {
     "device": {
         "sample_time": 0.002,
@@ -76,72 +59,11 @@ FILTERED = ARM | {
     }
 }
 """A servo whose firmware filters the sensed samples and has a spring."""
-PROVED = {"arm": ARM, "walker": WALKER, "contact": CONTACT}
-"""Designs of `vctune solve`, at the edge of their safety factor."""
 
 
 def scene_of(device: Device, coupling: Coupling, environment=SPRING, operator=HAND, **changes) -> Scene:
     told = Experiment("servo", environment, operator, None, Sensors(0.0, 0.0, 0), None, None)
     return designed_scene(device, NO_GAINS, coupling, replace(told, **changes))
-
-
-def decades(rng: np.random.Generator, low: float, high: float, absent: float = 0.0) -> float:
-    return 0.0 if rng.random() < absent else float(10.0 ** rng.uniform(low, high))
-
-
-def random_loop(seed: int) -> tuple[np.ndarray, Scene]:
-    """Return a loop as the oracle and as the simulation have it, at times with the filter and spring of a firmware."""
-    rng = np.random.default_rng(seed)
-    device = servo(rng)
-    if rng.random() < 0.3:
-        device.setdefault("force_sensor", {})["filter_coefficient"] = float(rng.uniform(0.02, 0.6))
-    if rng.random() < 0.3 and device["servo"]["command"] == "velocity":
-        device["servo"]["stiffness"] = decades(rng, 1, 3.5)
-    hand = (decades(rng, -2, 1, 0.3), decades(rng, -1, 2, 0.3), decades(rng, 1, 4, 0.3))
-    coupling = (decades(rng, 0, 4), decades(rng, -2, 1), decades(rng, -1, 2.5))
-    world = (decades(rng, -2, 1, 0.5), decades(rng, -1, 2, 0.5), decades(rng, 0, 4, 0.5))
-    operator = replace(HAND, mass=hand[0], damping=hand[1], stiffness=hand[2])
-    scene = scene_of(device_of(device), Coupling(*coupling), Environment(*world, 0.0, False, "trapezoid"), operator)
-    return matrix(Loop(device, coupling=coupling, hand=hand, world=world)), scene
-
-
-def top_of(step: np.ndarray) -> complex:
-    """Return the largest eigenvalue, positions that nothing holds apart."""
-    values = np.linalg.eigvals(step)
-    values = values[np.abs(values - 1) > STANDING]
-    return complex(values[np.argmax(np.abs(values))])
-
-
-# the loop
-
-
-@pytest.mark.parametrize("seed", mostly_slow(range(100), range(12)))
-def test_loop_grows_and_oscillates_as_the_oracle_says(seed):
-    step, scene = random_loop(seed)
-    top, mode = top_of(step), fastest_mode(scene)
-    assert mode.radius == pytest.approx(abs(top), rel=1e-10)
-    found = mode.radius * np.exp(2j * pi * mode.hz * scene.device.sample_time)
-    assert np.abs(np.linalg.eigvals(step) - found).min() < 1e-6 * abs(top)  # of two that are as large, either
-
-
-def test_both_kinds_of_loops_were_there():
-    grow = [abs(top_of(random_loop(seed)[0])) > 1 for seed in range(20)]
-    assert 3 < sum(grow) < 17
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_motion_grows_and_turns_in_time_by_the_largest_root(seed):
-    """Left to itself in the mode that grows the fastest, each sample is the last one times the oracle's root."""
-    step, scene = random_loop(seed)
-    hand = Hand(scene.operator.mass, scene.operator.damping, scene.operator.stiffness)
-    values, vectors = np.linalg.eig(matrices_of(scene, [hand])[0])
-    top = top_of(step)
-    mode = vectors[:, np.argmin(np.abs(values - top))]
-    samples = int(min(SAMPLES_PER_CALL, 1 + 8 / abs(log(abs(top)))))
-    states, _ = build(scene).chunk()(mode.real, np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL)))
-    for k in (samples // 2, samples - 1):
-        expected = (top ** (k + 1) * mode).real
-        assert np.abs(np.asarray(states)[:, k] - expected).max() < 1e-7 * abs(top) ** (k + 1)
 
 
 # between samples
@@ -210,45 +132,6 @@ def test_it_starts_at_rest_where_hand_and_environment_agree():
         traces = run(scene_of(problem.device, problem.fixed_design[1], operator=still))
         assert np.abs(traces.velocity).max() < 1e-7
         assert traces.force[0] == pytest.approx(0.02 / (1 / 600 + 1 / 300))
-
-
-# the certificate
-
-
-def hand_within(rng: np.random.Generator, hands) -> MovingHand:
-    """Return a hand of the box, one of its vertices every other time."""
-    share = rng.integers(2, size=3) if rng.random() < 0.5 else rng.random(3)
-    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
-    return replace(HAND, **dict(zip(NUMBERS, low + share * (high - low), strict=True)))
-
-
-def passive(rng: np.random.Generator) -> Environment:
-    """Return springs, masses and dampers of any size and either rule, alone and together; walls too."""
-    mass, damping, stiffness = decades(rng, -3, 2, 0.4), decades(rng, -2, 3, 0.4), decades(rng, 0, 6, 0.4)
-    if rng.random() < 0.2:
-        return Environment(mass, damping, max(stiffness, 100.0), 0.0, True)
-    return Environment(mass, damping, stiffness, 0.0, False, str(rng.choice(["trapezoid", "backward"])))
-
-
-def growing(tables: dict, count: int, seed: int = 3) -> list[float]:
-    """Return the growth of the loops that grow, of a design in random hands before random environments."""
-    rng = np.random.default_rng(seed)
-    problem = problem_of(tables).problem
-    coupling = problem.fixed_design[1]
-    loops = [scene_of(problem.device, coupling, passive(rng), hand_within(rng, problem.hands)) for _ in range(count)]
-    return [mode.radius for mode in map(fastest_mode, loops) if mode.radius > 1 + 1e-9]
-
-
-@pytest.mark.parametrize(
-    "name, count", [("arm", 40), *(pytest.param(name, 200, marks=pytest.mark.slow) for name in PROVED)]
-)
-def test_a_proved_design_decays_in_hands_and_before_environments(name, count):
-    tables = PROVED[name]
-    problem = problem_of(tables).problem
-    assert judge(problem, *problem.fixed_design).status is Status.CERTIFIED
-    assert growing(tables, count) == []
-    light = tables["coupling"] | {"drag": 0.1 * tables["coupling"]["drag"]}
-    assert growing(tables | {"coupling": light}, count)  # they do tell
 
 
 # what it has not

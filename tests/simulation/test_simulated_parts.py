@@ -1,13 +1,12 @@
 """The simulation of devices as they are: velocity estimate, actuator, force sensor and a handle on a spring.
 
-Against loops whose matrices and impedances are worked out elsewhere (`oracles/loop.py`),
-against events that scipy integrates between (`parts_in_time`), and against the certificate.
+Against events that scipy integrates between (`parts_in_time`); the radius by which a loop grows is in `test_growth`.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import parts_in_time
@@ -15,10 +14,6 @@ import pytest
 from command import run as vctune
 from command import strict
 from conftest import ROOT, for_passive_hands, mostly_slow
-from device_pairs import Tables, device_of
-from draws import built
-from kinds import admittance
-from loop import Loop, matrix
 from scipy.integrate import trapezoid
 
 from vctune.model.device import Device
@@ -34,7 +29,6 @@ from vctune.simulation.plant import plant
 from vctune.simulation.run import run
 from vctune.simulation.sample import COLUMNS
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
-from vctune.simulation.two_runs import STANDING, fastest_mode
 
 IDEAL = Device(0.4, 2.0, 1e-3)
 EVERYTHING = Device(
@@ -50,7 +44,6 @@ EVERYTHING = Device(
     Structure(0.1, 200.0, 0.05),
 )
 GAINS, COUPLING = Gains(60.0, 1500.0), Coupling(60.0, 0.3, 8.0)
-NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
 PERFECT = Sensors(0.0, 0.0, 0)
 HAND = MovingHand("reciprocate", 0.0, 0.01, 0.05, 1, 0.05, 2.0, 1000.0)
@@ -90,62 +83,6 @@ def stiffness_of(device) -> float:
 def in_steps(monkeypatch, count):
     """Integrate friction in so many steps a sample."""
     monkeypatch.setattr(compiled, "steps_per_sample", lambda friction, device, hand: count)
-
-
-# the loop
-
-
-def random_gains(rng: np.random.Generator, device: Tables) -> Gains:
-    """Return gains on both sides of what is stable, without a position gain at times."""
-    lag = 1.5 * device["sample_time"] + device.get("delay", 0.0)
-    velocity = device["mass"] / lag * 10 ** rng.uniform(-1, 0.6)
-    return Gains(velocity, velocity / lag * 10 ** rng.uniform(-3, -0.5) * int(rng.integers(2)))
-
-
-def some(rng: np.random.Generator, low: list[float], high: list[float]) -> list[float]:
-    """Return numbers between powers of 10, about half of them 0, but not all."""
-    there = rng.random(len(low)) < 0.5
-    there[rng.integers(len(low))] = True
-    return list(map(float, 10 ** rng.uniform(low, high) * there))
-
-
-def random_loop(rng: np.random.Generator) -> tuple[Loop, Scene]:
-    """Return a loop as the oracle and as the simulation have it."""
-    device = admittance(rng)
-    gains, coupling = random_gains(rng, device), Coupling(*map(float, 10 ** rng.uniform([0, -2, -1], [3, 1, 2])))
-    hand, world = some(rng, [-3, -1, 1], [0, 2, 4]), some(rng, [-2, -2, 1], [1, 2, 5])
-    loop = Loop(device, astuple(gains), astuple(coupling), tuple(hand), tuple(world))
-    operator = replace(HAND, mass=hand[0], damping=hand[1], stiffness=hand[2])
-    rendered = Environment(*world, 0.0, False, "trapezoid")
-    return loop, designed_scene(device_of(device), gains, coupling, experiment(rendered, operator))
-
-
-def radius(step: np.ndarray) -> float:
-    values = np.linalg.eigvals(step)
-    return float(np.abs(values[np.abs(values - 1) > STANDING]).max())
-
-
-def random_springs(rng: np.random.Generator) -> tuple[Loop, Scene]:
-    """Return a loop behind several springs, at times sensed at the handle."""
-    parts = [part for part in ("at handle", "difference", "actuator", "low-pass") if rng.random() < 0.5]
-    loop, _ = random_loop(rng)
-    loop = replace(loop, device=built(rng, "springs", *parts))
-    operator = replace(HAND, mass=loop.hand[0], damping=loop.hand[1], stiffness=loop.hand[2])
-    rendered, laws = Environment(*loop.world, 0.0, False, "trapezoid"), (Gains(*loop.gains), Coupling(*loop.coupling))
-    return loop, designed_scene(device_of(loop.device), *laws, experiment(rendered, operator))
-
-
-@pytest.mark.parametrize("made", [random_loop, random_springs])
-@pytest.mark.parametrize("seed", mostly_slow(range(60), range(12)))
-def test_loop_grows_as_the_oracle_says(seed, made):
-    loop, scene = made(np.random.default_rng(seed))
-    expected = radius(matrix(loop))
-    assert fastest_mode(scene).radius == pytest.approx(expected, abs=1e-9 * max(1.0, expected))
-
-
-def test_both_kinds_of_loops_were_there():
-    grow = [fastest_mode(random_loop(np.random.default_rng(seed))[1]).radius > 1 for seed in range(60)]
-    assert 10 < sum(grow) < 50
 
 
 # in time
