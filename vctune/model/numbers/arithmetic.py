@@ -107,7 +107,7 @@ class _FloatArithmetic:
     @staticmethod
     def stacked(numbers: Sequence[Number]) -> Number:
         shape = np.broadcast_shapes(*(np.shape(x) for x in numbers))
-        found = np.empty((len(numbers), *shape))
+        found = np.empty((len(numbers), *shape), np.result_type(*numbers))
         for place, x in enumerate(numbers):
             found[place] = x
         return found
