@@ -136,7 +136,7 @@ def run(name, folder):
     return rows_of(folder / f"{name}.csv")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_quick_solvers(tmp_path, monkeypatch):
     """Without evolution, which takes long."""
     monkeypatch.setattr(solvers, "PEERS", dict(list(solvers.PEERS.items())[:3]))

@@ -83,7 +83,7 @@ def test_no_feasible_design_is_below_the_bound_of_its_box(damping: float) -> Non
     assert check_bounds("world-tools", 5, 100, damping) > (0.6 if damping == 0 else 0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("name", NAMES)
 def test_none_of_many_designs_is_below_the_bound_of_its_box(name: str) -> None:
     assert check_bounds(name, 150, 2000) > 0.9

@@ -336,21 +336,21 @@ calm = true
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("friction", "coupling", "least"),
     [
         (0.005, "", 350.0),  # of 500 N/m, 2 f/q
         (0.005, "damping = 0.5", 250.0),
         (0.005, "stiffness = 300.0", 300.0),
-        (0.005, "damping = 0.0", None),  # an undamped wall in undamped hands never rests
+        (0.005, "damping = 0.0", 150.0),  # friction brings it to rest, after half a minute
         (0.0, "", None),
     ],
 )
 def test_what_a_file_fixes_of_a_calm_wall_is_kept(friction, coupling, least):
     """The stiffness is found though the stable walls are thirty times as stiff, or the search ends without a wall.
 
-    In an undamped hand a wall rings for a second, so that own kicks are looked at after 20 s."""
+    A motion that decays is no buzz, however slowly: own kicks are looked at after 40 s."""
     solved = vctune.solve(vctune.problem(tomllib.loads(LOW_FRICTION.format(friction, coupling))))
     if least is None:
         assert solved.judgement is None and solved.status == "undecided"
@@ -364,7 +364,7 @@ def test_what_a_file_fixes_of_a_calm_wall_is_kept(friction, coupling, least):
     ]
     rng, unit = np.random.default_rng(4), 2e-5 / 1e-3 + friction / (0.1 + wall.damping)
     starts = rng.uniform(-1e-5, 1e-5, len(hands)), rng.uniform(0, 16, len(hands)) * unit
-    seen = struck(walls, *starts, friction * rng.uniform(-1.25, 1.25, len(hands)), 20.0, 0.5, parts=6)
+    seen = struck(walls, *starts, friction * rng.uniform(-1.25, 1.25, len(hands)), 40.0, 0.5, parts=6)
     assert (seen.moved > 1e-3 * 2e-5).sum() <= 1
 
 

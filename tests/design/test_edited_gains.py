@@ -155,7 +155,7 @@ def violating_edits(folder):
                 yield key, value
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("display", "criterion"), list(product(DISPLAYS, CRITERIA)))
 def test_every_edit_that_fails_is_among_the_repairs(display, criterion, tmp_path):
     """Of random problems."""

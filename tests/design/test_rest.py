@@ -95,7 +95,7 @@ def random_walls(rng: np.random.Generator, count: int) -> list[Rubbing]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("draw", range(max(DRAWS - 1, 1)))
 def test_no_handle_moves_more_than_the_bound_and_settled_ones_rest(draw):
     """The bound holds in every hand of the box; with `settles` nothing moves whatever the constant force."""

@@ -228,7 +228,7 @@ def solved_late(samples: float, more: str) -> Any:
     return solve(problem(late(samples, more), ""))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("more", ["", pytest.param("order = 2\n", marks=pytest.mark.slow)])
 def test_a_latency_of_whole_samples_costs_about_what_its_neighbours_cost(more: str) -> None:
     solved = [solved_late(samples, more) for samples in (4.0, 4.4)]

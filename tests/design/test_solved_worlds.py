@@ -288,6 +288,7 @@ def test_a_heavy_handle_before_a_box_keeps_its_basin() -> None:
     assert solved.judgement.error <= 0.0338
 
 
+@pytest.mark.night
 @pytest.mark.parametrize("name", mostly_slow(BASINS, []))
 def test_one_exact_environment_costs_no_more_than_a_wider_box(name: str) -> None:
     tables, wider = BASINS[name]

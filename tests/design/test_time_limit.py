@@ -355,7 +355,7 @@ def _too_early(*args, **kwargs):
     raise AssertionError("the work is not to begin")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     "change", ["sample_time = 0.5", "sample_time = 2000.0", *(f"{k:g}" for k in (1e6, 1e8, 6e11, 1e10))]
 )

@@ -61,6 +61,7 @@ def checked(tmp_path, *, problem=ARM, **values):
 
 
 @pytest.mark.slow
+@pytest.mark.advice
 def test_a_ros_file_states_its_tool(tmp_path):
     """49 N are 5 kg: refuted, with the weight that passes, which does."""
     code, text = checked(tmp_path, force=49.0)

@@ -160,7 +160,7 @@ def bound_of_a_certain_device():
     return bound(pose(problem("desktop")), best, lambda gains, limit: None, gap=0.02, most_boxes=2e5).bound
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("tables", [WORST, WIDE + HELD], ids=["worst", "operator"])
 def test_no_admissible_design_is_below_the_bound(tables):
     given, best = problem("desktop", tables), solved("desktop", tables).judgement

@@ -164,7 +164,7 @@ def test_a_damping_that_comes_out_negative_may_be_nothing_and_as_much():
     assert (damping.low, damping.high) == (0.0, 2.0)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("friction", [0.0, 0.75])
 def test_two_million_rows_take_a_minute_and_600_megabytes(tmp_path, friction):
     """Processor time and peak memory of the whole command, with its report."""

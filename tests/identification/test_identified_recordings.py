@@ -55,7 +55,7 @@ def numbers(recording):
     return {each.name: each for each in (*recording.numbers, *recording.derived)}
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_positioning_system_comes_out_as_published(emps):
     """The mass as published; the damping as a regression of each direction has it, 159 and 233 N s/m."""
     first = numbers(emps.record.recordings[0])
@@ -73,7 +73,7 @@ def test_the_box_holds_what_both_recordings_say(emps):
     assert mass.high / mass.low < 1.025
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "motor", "load", "resonance", "delay", "lag", "late"),
     [

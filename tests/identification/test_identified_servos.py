@@ -69,14 +69,14 @@ def test_a_simulated_servo_is_in_its_box(seed, tmp_path):
     assert found.half_width <= 0.25 or found.kind != "sweep"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_nineteen_of_twenty_servos_are_in_their_boxes(tmp_path):
     trials = [trial(servo_case(seed), tmp_path) for seed in MANY]
     assert np.mean([each.inside for each in trials]) >= 0.95
     assert max(each.half_width for each in trials if each.kind == "sweep") <= 0.25
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_nineteen_of_twenty_slow_motions_have_the_servo_in_their_boxes(tmp_path):
     assert np.mean([trial(servo_case(seed, kind="slow"), tmp_path).inside for seed in MANY[: drawn(40)]]) >= 0.95
 
@@ -122,7 +122,7 @@ def test_a_design_for_the_box_is_certified_for_the_truth(tmp_path):
     assert certified_for_the_truth(servo_case(0, n=1500, **slow), tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_path):
     cases = [each for each in map(servo_case, MANY) if each.kind == "sweep"][: drawn(25)]
     assert np.mean([certified_for_the_truth(case, tmp_path) for case in cases]) >= 0.95

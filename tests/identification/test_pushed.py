@@ -54,7 +54,7 @@ def test_a_box_holds_the_truth(seed: int, tmp_path: Path) -> None:
     assert not found.refused and not any(found.outside.values()), found
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.xfail(
     reason="97.9 of 100 inside, one number off by 1.26 of its width: a second mass that a hand hardly moves"
 )

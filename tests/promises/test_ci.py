@@ -122,7 +122,7 @@ def test_the_workflow_guards_the_region(repository):
     assert (repository / "results/device/lost.svg").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_workflow_installs_and_checks(repository):
     subprocess.run(["git", "clone", "-q", ROOT, "vctune"], cwd=repository, check=True)
     subprocess.run([sys.executable, "-m", "venv", ".venv"], cwd=repository, check=True)
@@ -148,7 +148,7 @@ def test_the_hook_checks(repository):
     assert vctune(*command, cwd=repository).returncode == 1
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_pre_commit_installs_and_runs_the_hook(repository):
     subprocess.run(["git", "clone", "-q", ROOT, "vctune"], cwd=repository, check=True)
     (repository / ".gitignore").write_text("vctune\n")
@@ -249,7 +249,7 @@ EDITS = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_year_of_edits(repository):
     """No wrong thing passes and no right thing fails, each change of the repository on its own; a mistake in a file is
     one error."""

@@ -114,6 +114,7 @@ NO_DRAG = WHEEL.replace("[stab", "drag = 0.0\n[stab").replace("min = 0.5", "min 
 
 
 @pytest.mark.slow
+@pytest.mark.advice
 def test_without_drag_there_is_no_design_in_hands_without_damping(monkeypatch):
     changes = repairing.parameter_changes
 
