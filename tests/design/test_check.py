@@ -82,6 +82,7 @@ def test_gains_files_are_checked_against_one_problem(tmp_path):
     assert done.returncode == ExitCode.FAILED
     assert done.stdout.count("sha256 differs") == 2
     assert done.stdout.splitlines()[-1] == "1 passed, 1 FAILED"
+    assert run("problem.toml", "problem.toml", "gains/1.0.toml", cwd=tmp_path).returncode == ExitCode.BAD_INPUT
 
 
 @pytest.mark.parametrize("count", [5, pytest.param(drawn(1000), marks=pytest.mark.slow)])
