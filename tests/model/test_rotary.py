@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import run
-from conftest import mostly_slow
+from conftest import ROOT, mostly_slow
 
 from vctune import solve
 from vctune.design.judging.judge import judge
@@ -18,7 +19,9 @@ from vctune.document.reading import parse_problem, problem_file
 from vctune.document.schema.statement import statement
 from vctune.document.text.toml import toml_text
 from vctune.exit_codes import ExitCode
+from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR, QUANTITIES, ROTARY, Units, narrowed
+from vctune.model.problem import HUMAN_HANDS
 
 FILE = Path("device.toml")
 LINES = {"linear": "", "rotary": 'units = "rotary"\n'}
@@ -90,6 +93,18 @@ def test_what_has_no_default_is_stated():
     parse_problem(stated(DEVICE, passive + moves, "linear"), "device.toml", "device")
     display = stated('display = "impedance"\n' + DEVICE, "", "rotary")
     assert parse_problem(display, "device.toml", "device").any_hand
+
+
+def test_the_guide_s_own_example_is_one():
+    guide = (ROOT / "vctune/document/README.md").read_text()
+    blocks = re.findall(r"```toml\n(.*?)```", guide, re.DOTALL)
+    (text,) = (block for block in blocks if "rotary" in block and "servo" not in block)
+    problem = parse_problem(text, "device.toml", "device")
+    assert problem.device.units == "rotary"
+    r = 0.05
+    most = HUMAN_HANDS.high
+    expected = Hand(most.mass * r * r, most.damping * r * r, most.stiffness * r * r)
+    assert astuple(problem.hands.high) == pytest.approx(astuple(expected))
 
 
 KNOB = DEVICE + '[stability]\ncriterion = "passive"\n'
