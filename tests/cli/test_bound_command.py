@@ -10,7 +10,7 @@ from itertools import count
 
 import pytest
 from command import run, strict, strike
-from conftest import DEVICE, FIXED, ROOT, for_passive_hands
+from conftest import DEVICE, ROOT
 
 from vctune import running
 from vctune.design.records.design import read_design
@@ -74,8 +74,6 @@ def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
 
 
 def test_input_that_cannot_be_bounded(folder):
-    (folder / "fixed.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0)))
-    assert "there is nothing to choose" in refused("bound", "fixed.toml", cwd=folder)
     design = folder / "o/friction-wheel/design.json"
     (folder / "other.toml").write_text((folder / "problem.toml").read_text().replace("100.0]", "99.0]"))
     assert "of another version" in refused("bound", "other.toml", str(design), cwd=folder)

@@ -83,40 +83,6 @@ def test_violated_and_quiet(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (ExitCode.FAILED, "", "")
 
 
-@pytest.mark.parametrize(
-    "arguments", [["solve"], ["solve", "a", "b"], ["solv"], ["--nope"], ["solve", "none.toml"], ["solve", "."]]
-)
-def test_bad_usage(arguments, tmp_path):
-    done = run(*arguments, cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT
-    assert done.stderr and "Traceback" not in done.stderr and done.stdout == ""
-
-
-@pytest.mark.parametrize(
-    ("fraction", "said"),
-    [("1/4", "0.25 is not"), ("1/4096", "0.000244140625 is not"), ("1/0", "'1/0' is not a valid number or fraction")],
-)
-def test_a_fraction_is_a_number(fraction, said, device, tmp_path):
-    done = run("region", device, "--resolution", fraction, cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT and f"'--resolution': {said}" in done.stderr
-
-
-def test_mistakes_go_to_stderr_with_their_lines(tmp_path):
-    done = run("solve", ROOT / "tests/bad/everything-at-once.toml", "--json", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
-    assert re.search(r"everything-at-once.toml:6: gains.velocity: min = 2 is above max = 1", done.stderr)
-    assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.parametrize("out", ["/proc/none", "taken"])
-def test_no_place_to_write(device, tmp_path, out):
-    (tmp_path / "taken").write_text("mine")
-    done = run("solve", device, "--out", out, cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT
-    assert "cannot be written" in done.stderr and "choose another folder" in done.stderr
-    assert (tmp_path / "taken").read_text() == "mine"
-
-
 def test_file_size_limit_leaves_the_old_design(device, tmp_path):
     """As on a full disk: the operating system refuses to write on."""
     run("solve", device, cwd=tmp_path)
@@ -287,9 +253,6 @@ def test_several_problems_are_solved_each_into_its_folder(tmp_path):
     assert all((tmp_path / f"results/{name}/design.json").exists() for name in ("good", "bad"))
     alone = run("solve", "good.toml", "--json", cwd=tmp_path)
     assert alone.returncode == ExitCode.OK and strict(alone.stdout)["problem"]["name"] == "good"
-    for refused in (("good.toml", "good.toml"), ("good.toml", "bad.toml", "--watch")):
-        done = run("solve", *refused, cwd=tmp_path)
-        assert done.returncode == ExitCode.BAD_INPUT and "[usage]" in done.stderr
 
 
 @pytest.mark.parametrize("codes", [codes for n in (1, 2, 3, 4) for codes in permutations((0, 1, 2, 3), n)])

@@ -7,7 +7,6 @@ from collections import Counter
 from typing import get_args
 
 import pytest
-from command import run
 
 from vctune.api.explaining import entries, explain
 from vctune.document.text.errors import Code
@@ -49,12 +48,6 @@ def test_words_of_newcomers_are_known(word):
     assert all(entry.text for entry in explain(word).entries)
 
 
-def test_a_word_that_is_no_misspelling_is_answered_in_a_line_with_where_to_look(tmp_path):
-    done = run("explain", "xyzzy", cwd=tmp_path)
-    assert done.returncode == 2 and not done.stdout and len(done.stderr.splitlines()) <= 3
-    assert "`vctune explain tasks` lists what there is to do" in done.stderr and "did you mean" not in done.stderr
-
-
 @pytest.mark.parametrize(
     "word",
     ["limp", "holds no static force", "unstable at", "unstable at any multiple", "of little use", "certified",
@@ -63,16 +56,6 @@ def test_a_word_that_is_no_misspelling_is_answered_in_a_line_with_where_to_look(
 )  # fmt: skip
 def test_words_of_headlines_rows_and_the_field_are_known(word):
     assert explain(word).entries
-
-
-def test_a_word_in_the_texts_is_answered_with_their_names(tmp_path):
-    done = run("explain", "pulley", cwd=tmp_path)
-    assert done.returncode == 2 and "these tell of it: gear" in done.stderr and "did you mean" not in done.stderr
-
-
-def test_a_name_that_there_is_not_is_told_the_nearest(tmp_path):
-    done = run("explain", "devise.mass", cwd=tmp_path)
-    assert done.returncode == 2 and "device.mass" in done.stderr
 
 
 def test_no_text_is_empty():

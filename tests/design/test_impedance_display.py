@@ -26,7 +26,6 @@ from vctune.design.records.felt import in_hand_record
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.schema.statement import device_table
-from vctune.document.text.errors import InputError
 from vctune.model.design import Design
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
@@ -211,35 +210,6 @@ def test_the_region_is_a_triangle(environment, open_):
         spare[kind] |= {k * T / 2 + b < B for b, k in corners}
     assert spare == {"feasible": {True}, "infeasible": {False}, "undecided": {True, False}}
     assert found.areas["undecided"] < open_
-
-
-REFUSED = [
-    ({"gains": {"position": 10.0}}, "gains.position", "no velocity loop"),
-    ({"coupling": {"mass": 1.0}}, "coupling.mass", "coupling.stiffness"),
-    ({"coupling": {"drag": 1.0}}, "coupling.drag", "coupling.stiffness"),
-    ({"stability": {"band_hz": [1.0, 10.0]}}, "stability.band_hz", "every frequency"),
-    ({"device": {"force_sensor": {"bandwidth_hz": 100.0}}}, "device.force_sensor", "senses no force"),
-    ({"device": {"hold": "lag"}}, "device.hold", "zoh"),
-    ({"device": {"velocity": {"from": "measured"}}}, "device.velocity.from", "difference"),
-]
-
-
-@pytest.mark.parametrize(("tables", "key", "reason"), REFUSED)
-def test_keys_that_mean_nothing_are_refused_with_the_reason(tables, key, reason):
-    device = {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T} | tables.pop("device", {})
-    with pytest.raises(InputError) as refused:
-        problem_of({"device": device, **tables})
-    assert key in str(refused.value)
-    assert reason in str(refused.value)
-    assert "Traceback" not in str(refused.value)
-
-
-def test_an_admittance_display_has_no_stiffness():
-    device = {"mass": 0.1, "damping": B, "sample_time": T}
-    with pytest.raises(InputError, match="impedance display"):
-        problem_of({"device": device, "coupling": {"stiffness": 100.0}})
-    with pytest.raises(InputError, match="too small"):
-        problem_of({"device": device, "coupling": {"damping": 0.0}})
 
 
 def test_a_device_without_damping_is_refused_in_any_passive_hand():

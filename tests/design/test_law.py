@@ -106,24 +106,8 @@ def test_the_law_stands_in_files_and_answers_in_its_own_words(tmp_path):
     assert vctune("export", "plain.toml", gains, cwd=tmp_path).returncode == ExitCode.OK
 
 
-def test_what_the_law_does_not_permit_is_told(tmp_path):
-    for coupling, words in (
-        (EULER | {"damping": 100.0}, "coupling.damping: means nothing"),
-        (EULER | {"mass": 0.1, "drag": 60.0}, "a step by Euler would go beyond rest"),
-    ):
-        (tmp_path / "arm.toml").write_text(toml_text(ARM | {"coupling": coupling}))
-        done = vctune("check", "arm.toml", cwd=tmp_path)
-        assert done.returncode == ExitCode.BAD_INPUT and words in done.stdout, done.stdout
+def test_a_law_by_trapezoids_may_have_no_damper(tmp_path):
     (tmp_path / "arm.toml").write_text(toml_text(ARM))
-    (tmp_path / "law.toml").write_text('[coupling]\nrule = "euler"\nmass = 0.1\ndrag = 60.0\n')
-    done = vctune("check", "arm.toml", "law.toml", cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT and "law.toml:3: coupling.mass" in done.stdout
-    for law, words in (
-        ('rule = "euler"\nmass = 6.0\n', "law.toml:1: coupling.drag: is missing"),
-        ('rule = "euler"\nmass = 6.0\ndrag = 1.0\ndamping = 3.0\n', "law.toml:5: coupling.damping: unknown key"),
-    ):
-        (tmp_path / "law.toml").write_text(f"[coupling]\n{law}")
-        assert words in vctune("check", "arm.toml", "law.toml", cwd=tmp_path).stdout
     (tmp_path / "law.toml").write_text('[coupling]\nrule = "trapezoid"\ndamping = inf\nmass = 6.0\ndrag = 120.0\n')
     assert vctune("check", "arm.toml", "law.toml", cwd=tmp_path).returncode == ExitCode.OK
 

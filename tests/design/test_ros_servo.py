@@ -261,12 +261,6 @@ def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
     assert not (tmp_path / "results/series/firmware").exists()
     single = vctune("export", "series.toml", "--to", "ros2", "--precision", "single", cwd=tmp_path)
     assert single.returncode == ExitCode.BAD_INPUT and "computes in double precision" in single.stderr
-    (tmp_path / "wheel.toml").write_text(
-        "[device]\nmass = 1.0\ndamping = 1.0\nsample_time = 1e-3\n[gains]\nvelocity = 100.0\nposition = 3000.0\n"
-        "[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 1.0\n"
-    )
-    looped = vctune("export", "wheel.toml", "--to", "ros2", "--unproved", cwd=tmp_path)
-    assert looped.returncode == ExitCode.BAD_INPUT and "write [device.servo]" in looped.stderr
 
 
 def test_problems_of_one_name_are_both_beside_the_parameters(tmp_path: Path) -> None:

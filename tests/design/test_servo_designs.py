@@ -19,7 +19,6 @@ from vctune.design.judging.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.design.records.design import record_of
 from vctune.document.reading import parse_problem
-from vctune.document.text.errors import InputError
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
@@ -94,38 +93,6 @@ def test_a_rigid_coupling_is_designed():
 
 def _tables():
     return tomllib.loads(SERVO)
-
-
-@pytest.mark.parametrize(
-    "more, key, reason",
-    [
-        ("[gains]\nvelocity = 3.0\n", "gains", "its loop is the vendor's"),
-        ("[stability]\nmax_sensitivity = 2.0\n", "stability.max_sensitivity", "closes no loop"),
-        ('[stability]\ncriterion = "passive"\n', "stability.criterion", "unlimited stiffness"),
-        ('[stability]\ncriterion = "both"\n', "stability.criterion", "unlimited stiffness"),
-        ("[coupling]\nstiffness = 3.0\n", "coupling.stiffness", "damping and mass in series"),
-        (
-            "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 30.0\ndamping_ratio = 0.1\n",
-            "device.structure",
-            "spring",
-        ),
-        ("[device.velocity]\nfrom = 'difference'\n", "device.velocity", "no gain"),
-        ("[device.actuator]\nbandwidth_hz = 3.0\n", "device.actuator", "device.servo.bandwidth_hz"),
-    ],
-)
-def test_what_a_servo_has_not_is_refused_with_the_reason(more, key, reason):
-    with pytest.raises(InputError) as refused:
-        problem(more=more)
-    lines = [line for line in str(refused.value).splitlines() if f" {key}: " in line]
-    assert len(lines) == 1 and reason in lines[0]
-
-
-@pytest.mark.parametrize("key", ["mass = 1.0", "damping = 1.0", "delay = 0.001", "hold = 'lag'"])
-def test_own_numbers_of_a_device_are_refused_with_the_reason(key):
-    with pytest.raises(InputError) as refused:
-        problem(SERVO.replace("[device]", f"[device]\n{key}"))
-    (line,) = str(refused.value).splitlines()
-    assert f"device.{key.split()[0]}: means nothing with [device.servo]" in line
 
 
 @pytest.mark.slow
@@ -253,11 +220,6 @@ def test_a_latency_without_a_bandwidth_is_proved_for_each_division(more: str) ->
         failed[factor] += solve(problem(text, fixed)).status is not Status.CERTIFIED
     assert failed[1.0] == 0
     assert failed[1 / 1.08] > 0
-
-
-def test_an_uncertain_latency_states_its_bandwidth() -> None:
-    with pytest.raises(InputError, match="state the greatest delay instead, or the bandwidth_hz"):
-        problem(late(5.0), '[uncertainty]\n"servo.delay" = 0.1\n')
 
 
 def test_a_latency_of_whole_samples_is_told_with_the_delay_beside_it() -> None:

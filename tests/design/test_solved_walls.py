@@ -18,7 +18,6 @@ from vctune.design.advice.repair import find_repairs
 from vctune.design.judging.judge import judge
 from vctune.document.building import problem
 from vctune.document.schema.statement import statement
-from vctune.document.text.errors import InputError
 from vctune.document.text.json import problem_digest
 from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
@@ -50,23 +49,6 @@ def test_a_problem_states_its_walls() -> None:
     ]
     assert digests[0] == digests[1]
     assert len(set(digests)) == 3
-
-
-@pytest.mark.parametrize(
-    ("tables", "said"),
-    [
-        ({"environment": {"mass": {"max": 5.0}, "walls": True}}, "needs a stiffest wall"),
-        ({"environment": {"stiffness": {"min": 5.0, "max": 5.0}, "walls": True}}, "needs a range of stiffness"),
-        ({"environment": {**BOX, "corner_hz": 10.0}}, "write walls = true"),
-        ({"environment": {**BOX, "walls": True, "corner_hz": 400.0}}, "write at most 318.31"),
-        ({"environment": {**BOX, "walls": 1}}, "environment.walls"),
-        ({"stability": {"criterion": "both"}}, "allows any passive hand"),
-    ],
-)
-def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:
-    """With the reason and what to do."""
-    with pytest.raises(InputError, match=said):
-        problem({**WHEEL, "environment": {**BOX, "walls": True}, **tables})
 
 
 def test_given_gains_have_the_corner_with_most_room() -> None:

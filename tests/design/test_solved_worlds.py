@@ -21,7 +21,6 @@ from vctune.document.building import problem
 from vctune.document.doubts import doubts, file_doubts
 from vctune.document.reading import read_problem
 from vctune.document.schema.statement import statement
-from vctune.document.text.errors import InputError
 from vctune.document.text.json import problem_digest
 from vctune.exit_codes import ExitCode
 from vctune.model.device import Device
@@ -33,9 +32,6 @@ from vctune.model.worlds import World, Worlds
 REFERENCE = Path(__file__).parents[1] / "reference" / "worlds"
 EXPECTED = json.loads((REFERENCE / "expected.json").read_text())
 WHEEL = {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}
-
-
-HANDLE = {"mass": 0.1, "damping": 1.0, "sample_time": 1e-3, "display": "impedance"}
 
 
 def reference(name: str) -> Problem:
@@ -81,27 +77,6 @@ def test_a_box_without_limits_is_no_box() -> None:
     stated = problem({**WHEEL, "environment": {}}).problem
     assert stated.worlds is None
     assert stated.stability.criterion == "hands"
-
-
-@pytest.mark.parametrize(
-    ("tables", "said"),
-    [
-        ({"stability": {"criterion": "both"}}, "allows any passive hand"),
-        ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
-        ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
-        ({"device": HANDLE}, "proved with every passive environment"),
-        ({"environment": {"stiffness": {"max": 2e3}, "late": 1}}, "late: unknown key"),
-        ({"environment": {"stiffness": {"max": 2e3}, "rule": "explicit"}}, "rule: unknown key"),
-        ({"environment": {"damping": {"min": 0.0, "max": 20.0}}}, "damping.max: unknown key"),
-        ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
-        ({"environment": {"wall": True}}, "unknown key"),
-    ],
-)
-def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:
-    """With the reason."""
-    stated = {**WHEEL, "environment": {"mass": {"min": 0.02, "max": 5.0}}, **tables}
-    with pytest.raises(InputError, match=said.replace("[", r"\[").replace("]", r"\]")):
-        problem(stated)
 
 
 def test_experiments_outside_the_box_are_doubted() -> None:

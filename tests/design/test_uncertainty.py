@@ -29,7 +29,6 @@ from vctune.design.solve import solve
 from vctune.design.uncertain import device_box
 from vctune.document.reading import parse_problem
 from vctune.document.schema.statement import device_table
-from vctune.document.text.errors import InputError
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
@@ -208,11 +207,6 @@ def test_solve_check_and_report_tell_of_it(files):
     assert poor.returncode == 1 and "with mass " in poor.stdout
 
 
-def test_a_region_is_refused(files):
-    done = run("region", "wheel.toml", cwd=files)
-    assert done.returncode == 2 and "uncertainty: a region is proved for one device" in done.stderr
-
-
 def test_a_study_may_sweep_over_it(files):
     (files / "study.toml").write_text('problem = "wheel.toml"\n[axes]\n"uncertainty.mass" = [0.0, 0.2, 1.5]\n')
     done = run("sweep", "study.toml", "--executor", "serial", "--format", "json", cwd=files)
@@ -269,16 +263,10 @@ def test_the_peak_of_many_uncertain_numbers_is_that_of_the_loudest_vertex():
     assert judge(problem, *problem.fixed_design).peak_sensitivity == pytest.approx(max(peaks), rel=1e-6)
 
 
-@pytest.mark.parametrize("share, refused", [(0.3, False), (0.4, True)])
-def test_an_uncertain_delay_of_the_force_sensor_has_at_most_200_samples(share: float, refused: bool) -> None:
-    """150 sample times and a share of them."""
+def test_an_uncertain_delay_of_the_force_sensor_may_have_195_samples() -> None:
     text = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\nforce_sensor = { delay = 0.15 }\n"
-    text += f'[uncertainty]\n"force_sensor.delay" = {share}\n'
-    if refused:
-        with pytest.raises(InputError, match=r"force_sensor\.delay: 0\.15 s is up to 210 sample times"):
-            parse_problem(text, "late", "late")
-    else:
-        assert dict(parse_problem(text, "late", "late").uncertainty.half_widths)["force_sensor.delay"] == share
+    text += '[uncertainty]\n"force_sensor.delay" = 0.3\n'
+    assert dict(parse_problem(text, "late", "late").uncertainty.half_widths)["force_sensor.delay"] == 0.3
 
 
 LATE = """[device]

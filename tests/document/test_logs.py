@@ -225,34 +225,6 @@ def test_one_log_of_a_device_may_have_fewer_columns(log, tmp_path):
         read_logs(both[1:], read_log_map(config))
 
 
-def test_a_torn_row_is_named(log, tmp_path):
-    path = written(tmp_path, log)
-    lines = path.read_text().splitlines()
-    lines[10], lines[20] = "0.1,abc,2", "0.2,0.3"
-    path.write_text("\n".join(lines))
-    message = refused(path)
-    assert ':11: position_m: "abc" is not a number' in message
-    assert ":21: has 2 columns, not 3" in message
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("[columns]\nposition = 'x_m'\n", "columns.position"),
-        ("[columns]\npositon = 'position_m'\n", "did you mean position?"),
-        ("[columns]\nposition = { column = 'position_m', unit = 'inch' }\n", "log.toml:2"),
-        ("[columns]\nposition = { column = 'position_m', unit = 'm', scale = 1.0 }\n", "says the same as unit"),
-        ("rotary = true\n[columns]\nposition = 'position_m'\n", "rotary"),
-        ("sample_time = 2e-3\n", "sample_time is 0.002 s"),
-        ("[device]\ndelay_uncertainty = 1e-4\n", "device.delay"),
-    ],
-)
-def test_a_fault_of_the_map_is_named_with_its_line(log, tmp_path, text, named):
-    config = tmp_path / "log.toml"
-    config.write_text(text)
-    assert named in refused(written(tmp_path, log), config)
-
-
 @pytest.mark.slow
 def test_the_command_writes_a_device_that_solves(log, tmp_path):
     written(tmp_path, log)
@@ -268,42 +240,12 @@ def test_the_command_writes_a_device_that_solves(log, tmp_path):
     assert solved.returncode == 0, solved.stdout + solved.stderr
 
 
-def test_bad_input_is_code_2_and_leaves_nothing(log, tmp_path):
-    written(tmp_path, {key: values[:10] for key, values in log.items()})
-    done = run("identify", "log.csv", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert "has 10 samples" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_workbook_is_named(tmp_path):
     path = tmp_path / "log.xlsx"
     with zipfile.ZipFile(path, "w") as packed:
         packed.writestr("[Content_Types].xml", "<Types/>")
         packed.writestr("xl/workbook.xml", "<workbook/>")
     assert refused(path) == f"{path}: is an Excel workbook and not text; save it as CSV [log-text]"
-
-
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_decimal_commas_are_named_once(log, tmp_path, separator):
-    path = written(tmp_path, log)
-    header, *rows = path.read_text().splitlines()
-    cells = [[cell.replace(".", ",") for cell in row.split(",")] for row in rows]
-    path.write_text("\n".join(separator.join(row) for row in [header.split(","), *cells]))
-    message = refused(path)
-    assert "\n" not in message and 'has a decimal comma in "' in message
-
-
-@pytest.mark.parametrize(
-    ("row", "fault"),
-    [("4,0,0,1", "has 4 columns, not 3"), ("4,0,001;1", '"001;1" is not'), ("\n4,0,1", "has 1 columns")],
-)
-def test_a_torn_row_is_no_decimal_comma(tmp_path, row, fault):
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join(["time_s,position_m,command_N", "0,0,1", "1,1,1", "2,2,1", "3,3,1", row]))
-    message = refused(path)
-    assert "decimal comma" not in message and "log.csv:6: " in message and fault in message
 
 
 def test_a_column_that_the_map_names_is_in_no_other_role(log, tmp_path):
@@ -313,13 +255,6 @@ def test_a_column_that_the_map_names_is_in_no_other_role(log, tmp_path):
     force = dict(zip(("time_s", "position_m", "force_N"), log.values(), strict=True))
     recording = read_log(written(tmp_path, force), read_log_map(config))
     assert recording.values("force") is None and recording.values("command") is not None
-
-
-def test_a_column_with_two_roles_is_refused_with_both(log, tmp_path):
-    config = tmp_path / "log.toml"
-    config.write_text('[columns]\ncommand = "force_N"\nforce = { column = "force_N", scale = 2.0 }\n')
-    message = refused(written(tmp_path, log), config)
-    assert "log.toml:3: columns.force" in message and "columns.command" in message
 
 
 @pytest.mark.parametrize("rounding", [1e-3, 0.01, 0.05])

@@ -24,74 +24,9 @@ def study(folder, text, problem=PROBLEM):
     return read_study(path)
 
 
-BAD = {
-    '"device.dampin" = [1.0]': ('3: axes."device.dampin"', 'did you mean "device.damping"?'),
-    '"zzz" = [1.0]': ("3: axes.zzz", "no number of a problem file"),
-    '"device.damping" = []': ("3:", "is empty"),
-    '"device.damping" = [1.0, true]': ("[1]", "true is not a number"),
-    '"device.damping" = [nan]': ("[0]", "not a number"),
-    '"device.damping" = "much"': ("3:", "not a set of values; write a list"),
-    "device.damping = [1.0]": ("axes.device", 'did you mean "device.damping"? Write the whole key in quotes'),
-    '"stability.band_hz" = [1.0]': ("3:", 'did you mean "stability.band_hz[1]"?'),
-    '"device.damping" = { log = [0.0, 1.0], n = 3 }': ("log[0]: 0.0", "must be at least"),
-    '"device.damping" = { log = [2.0, 1.0], n = 3 }': ("log", "is not below"),
-    '"device.damping" = { log = [1.0], n = 3 }': ("log[1]", "is missing; write two numbers"),
-    '"device.damping" = { log = [1.0, 2.0] }': ("3:", ".n: is missing; it is required: Number of values."),
-    '"device.damping" = { log = [1.0, 2.0], n = 2.5 }': ("2.5", "whole number"),
-    '"device.damping" = { lg = [1.0, 2.0], n = 3 }': ("lg", "did you mean log?"),
-    '"device.damping" = { log = [1.0, 2.0], linear = [1, 2], n = 3 }': ("3:", "must have one of linear and log"),
-    '"device.servo.order" = { linear = [1, 2], n = 3 }': ("3:", "1.5 is not a whole number; write a list"),
-    '"gains.velocity" = [1.0]\n"gains.velocity.max" = [2.0]': ("4:", "varies the same number as gains.velocity"),
-    '"device.mass" = [1.0]\n[sample]\nkind = "lhs"': ("sample.kind", "\"lhs\" is not one of 'grid' or 'list'"),
-    '"device.mass" = [1.0]\n[sample]\nn = 3': ("sample.n", "unknown key; known here: kind"),
-    '"device.mass" = [1.0, 2.0]\n"device.damping" = [1.0]\n[sample]\nkind = "list"': ("4:", "need as many"),
-    '"device.mass" = { log = [1, 2], n = 2 }\n[sample]\nkind = "list"': ("3:", "side by side need lists"),
-    "": ("axes", "is empty; it is required: Numbers of the problem"),
-}
-
-
-@pytest.mark.parametrize("text", BAD, ids=range(len(BAD)))
-def test_every_mistake_has_its_place_and_its_remedy(tmp_path, text):
-    with pytest.raises(InputError) as refused:
-        study(tmp_path, text)
-    assert all(part in str(refused.value) for part in BAD[text]), str(refused.value)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "= 3",
-        "problem = 3\naxes = 3\nsample = 3",
-        'problem = "device.toml"\nsample = 3\n[axes]\n"device.mass" = [1.0]',
-        'problem = "x\\u0000y"\n[axes]\n"device.mass" = [1.0]',
-        'problem = "."\n[axes]\n"device.mass" = [1.0]',
-        'problem = "device.toml"\nname = "x"\n[axes]\n"device.mass" = [1.0]',
-        'problem = "device.toml"\n[axes]\n"device.mass" = { linear = [0, 1' + 400 * "0" + "], n = 3 }",
-    ],
-)
-def test_odd_files_are_refused(tmp_path, text):
-    (tmp_path / "device.toml").write_text(PROBLEM)
-    (tmp_path / "study.toml").write_text(text)
+def test_an_end_of_401_digits_is_refused(tmp_path):
     with pytest.raises(InputError):
-        read_study(tmp_path / "study.toml")
-
-
-def test_all_mistakes_at_once(tmp_path):
-    with pytest.raises(InputError) as refused:
-        study(tmp_path, '"device.mas" = [1.0]\n"device.damping" = []\n[sample]\nkind = "lhs"')
-    assert [mistake.line for mistake in refused.value.mistakes] == [3, 4, 6]
-
-
-def test_mistakes_of_the_problem_are_those_of_its_own_file(tmp_path):
-    with pytest.raises(InputError) as refused:
-        study(tmp_path, '"device.damping" = [1.0]', PROBLEM.replace("mass", "mas"))
-    assert "device.toml:2: device.mas: unknown key; did you mean mass?" in str(refused.value)
-    with pytest.raises(InputError, match=r"study.toml:1: problem: .*: no such file"):
-        (tmp_path / "study.toml").write_text('problem = "nowhere.toml"\n[axes]\n"device.mass" = [1.0]')
-        read_study(tmp_path / "study.toml")
-    with pytest.raises(InputError, match=r"study.toml:3: .*device in the problem is not a table"):
-        study(tmp_path, '"device.mass" = [1.0]', "device = 3\n")
+        study(tmp_path, '"device.mass" = { linear = [0, 1' + 400 * "0" + "], n = 3 }")
 
 
 def test_keys_are_those_of_the_schema():

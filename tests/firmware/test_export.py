@@ -14,9 +14,9 @@ import pytest
 from command import run as vctune
 from compilers import by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
-from draws import sections
+from draws import decades, sections
 from kinds import admittance, servo
-from test_servos import CONTACT, WALKER, decades
+from test_servos import WALKER, stated
 
 from vctune import InputError, export, write_export
 from vctune.design.records.claims import HandsRecord, WallsRecord
@@ -60,6 +60,13 @@ NAME = r"""name = 'a /* ??/ \ %d " é */ name'
 """What a comment of C must not trip over."""
 OF_SERVOS = EXPERIMENTS.replace("friction = { coulomb = 0.3, stiction = 0.4 }\n", "")
 OF_SERVOS = OF_SERVOS.replace("position_resolution = 1e-5, ", "").replace("actuator = { limit = 2.0 }\n", "")
+CONTACT = stated(
+    {
+        "sample_time": 0.001, "servo": {"delay": 0.004, "bandwidth_hz": 40.0},
+        "force_sensor": {"bandwidth_hz": 200.0, "order": 2},
+    },
+    (1943.9452, 2.8515397, 302.56473), (5.0, 100.0, 30000.0),
+)  # fmt: skip
 SERVOS = {"velocity": toml_text(CONTACT) + OF_SERVOS, "position": toml_text(WALKER) + OF_SERVOS}
 EULER = "damping = 1943.9452", 'rule = "euler"'
 PARTS = {
@@ -235,27 +242,6 @@ def test_what_is_not_proved_is_refused_or_says_so_at_the_top_of_every_file(folde
     good = folder / "results/good/firmware"
     assert "#define VCTUNE_PROVED 1" in (good / "vctune_controller.h").read_text()
     assert not any("NOT PROVED" in path.read_text() for path in good.iterdir())
-
-
-@pytest.mark.parametrize(
-    "arguments, complaint",
-    [
-        (["free.toml"], "nothing to export: not every gain is fixed"),
-        (["bad.toml"], "dampin"),
-        (["gone.toml"], "no such file"),
-        (["gone.json"], "cannot be read"),
-        (["good.toml", "good.toml"], "gains"),
-        (["good.toml", "--to", "ada"], "ada"),
-        (["good.toml", "--precision", "half"], "half"),
-        (["good.toml", "--out", "good.toml"], "cannot be written"),
-    ],
-)
-def test_bad_input_is_refused(folder, arguments, complaint):
-    (folder / "no.json").write_text("{}")
-    refused = vctune("export", *arguments, cwd=folder)
-    assert refused.returncode == ExitCode.BAD_INPUT
-    assert complaint in refused.stderr and "Traceback" not in refused.stderr
-    assert not (folder / "results").exists()
 
 
 def test_a_design_is_exported_as_it_was_solved(folder):

@@ -6,8 +6,8 @@ import math
 import re
 
 import pytest
-from test_export import SERVOS
-from test_servos import ARM, CONTACT
+from test_export import CONTACT, SERVOS
+from test_servos import ARM
 
 from vctune import export, write_export
 from vctune.firmware.vectors import default_experiments

@@ -94,13 +94,6 @@ def test_the_file_says_how_the_velocity_is_known(told, text, source, assumed):
     assert ("# assumed" in line) == assumed
 
 
-def test_what_is_known_must_be_possible_at_the_sample_time(moved, tmp_path):
-    with pytest.raises(InputError, match=r"log.toml:2: device.velocity.filter_hz: 900 Hz is above the Nyquist"):
-        identified(moved, tmp_path, "[device.velocity]\nfilter_hz = 900.0\n")
-    with pytest.raises(InputError, match="at most 200 are supported"):
-        identified(moved, tmp_path, "[device]\ndelay = 0.5\n")
-
-
 @pytest.mark.slow
 def test_much_that_is_left_is_a_warning_in_the_terminal_and_in_the_file(moved, tmp_path):
     time = moved["time_s"]

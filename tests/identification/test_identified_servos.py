@@ -268,19 +268,6 @@ def test_a_log_that_is_of_no_servo_is_refused(change, message, tmp_path):
         identify(case.write(tmp_path, **change(case.columns)), servo=True)
 
 
-def test_what_a_servo_has_not_is_refused(tmp_path):
-    case = servo_case(9, n=1000, **SERVO)
-    path, config = case.write(tmp_path), tmp_path / "log.toml"
-    with pytest.raises(InputError, match=r"columns.command: without a force nothing can be identified"):
-        identify(path)
-    config.write_text("[device]\ndelay = 1e-3\n")
-    with pytest.raises(InputError, match=r"log.toml:2: device.delay: a servo has none"):
-        identify(path, config, servo=True)
-    del case.columns["velocity_command_m_s"]
-    with pytest.raises(InputError, match=r"columns.velocity_command: without a command nothing can be identified"):
-        identify(case.write(tmp_path), servo=True)
-
-
 def told(position, command):
     """A log of a servo as CSV, with times of 10 ms."""
     rows = (f"{0.01 * k:.2f},{x:.6f},{y:.6f}" for k, (x, y) in enumerate(zip(position, command, strict=True)))

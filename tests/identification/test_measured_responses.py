@@ -86,15 +86,6 @@ def test_a_response_of_no_such_device_is_refused(response, servo, message, tmp_p
         identify(*written(tmp_path, response, hertz=HERTZ[: response.size]), servo=servo)
 
 
-def test_a_response_states_no_sample_time(tmp_path):
-    path, _ = written(tmp_path, servo(1))
-    with pytest.raises(InputError, match="a response does not show the sample time of the loop; write sample_time"):
-        identify(path, servo=True)
-    path.write_text(path.read_text().replace("imag", "im"))
-    with pytest.raises(InputError, match="a response has real and imag, or gain_dB and phase_deg"):
-        identify(path, servo=True)
-
-
 def test_what_is_left_of_a_response_is_its_noise_but_for_another_structure(tmp_path):
     (recording,) = identify(*written(tmp_path, noisy(servo(1))), servo=True).record.recordings
     right, other = recording.candidates

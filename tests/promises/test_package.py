@@ -47,15 +47,6 @@ def test_a_device_that_people_own_has_a_certified_design(name, tmp_path):
     assert done.returncode == ExitCode.OK and strict(done.stdout)["status"] == "certified"
 
 
-def test_an_example_overwrites_nothing(tmp_path):
-    (tmp_path / "desktop.toml").write_text("mine")
-    done = run("example", "desktop", cwd=tmp_path)
-    assert done.returncode == ExitCode.BAD_INPUT and "[file-exists]" in done.stderr
-    assert (tmp_path / "desktop.toml").read_text() == "mine"
-    none = run("example", "../conftest", cwd=tmp_path)
-    assert none.returncode == ExitCode.BAD_INPUT and "friction-wheel" in none.stderr and len([*tmp_path.iterdir()]) == 1
-
-
 def test_no_remedy_names_a_package_that_no_index_has():
     """Extras are those of a checkout: vctune is on no index."""
     said = [path for path in (ROOT / "vctune").rglob("*") if path.suffix in (".py", ".md")]

@@ -57,19 +57,6 @@ def test_an_uncertain_servo_before_a_box_of_environments():
     assert vctune.check(coupled(1.5 * exp(low))).finding.judgement.status.value == "certified"
 
 
-def test_a_wall_of_a_measured_velocity_in_any_passive_hand_is_refused_with_its_reason(tmp_path):
-    path = tmp_path / "wall.toml"
-    path.write_text(
-        '[device]\ndisplay = "impedance"\nmass = 0.1\ndamping = 0.2\nsample_time = 1e-3\n'
-        'velocity = { from = "measured" }\n[environment]\nstiffness = inf\n'
-    )
-    with pytest.raises(vctune.InputError) as refused:
-        vctune.solve(path)
-    (mistake,) = refused.value.mistakes
-    assert (mistake.key, mistake.line) == ("device.velocity.from", 6)
-    assert "any passive hand" in mistake.message and "difference" in mistake.message
-
-
 DISPLAY = {
     "display": "impedance", "mass": 0.3, "damping": 1.0, "sample_time": 1e-3,
     "structure": {"handle_mass": 0.08, "frequency_hz": 90.0, "damping_ratio": 0.03},

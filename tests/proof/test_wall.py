@@ -44,20 +44,6 @@ def test_walls_of_colgate_and_schenkel(more, damping, limit):
         assert found.judgement.coupling.stiffness * 1.05 == pytest.approx(limit, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("tables", "key"),
-    [
-        ({"device": DEVICE | {"display": "admittance"}, "environment": RIGID}, "environment.stiffness"),
-        ({"device": DEVICE, "environment": RIGID | {"mass": {"max": 1.0}}}, "environment.mass"),
-        ({"device": DEVICE, "environment": {"stiffness": {"max": 100.0}}}, "environment"),
-        ({"device": DEVICE, "environment": RIGID, "gains": {"velocity": 1.0}}, "gains.velocity"),
-    ],
-)
-def test_what_is_no_wall_is_refused(tables, key):
-    with pytest.raises(InputError, match=key):
-        vctune.problem(tables)
-
-
 def test_the_firmware_of_a_wall_promises_no_other_environment():
     coupling = {"damping": 0.0, "stiffness": 1500.0}
     exported = vctune.export({"device": DEVICE, "environment": RIGID, "coupling": coupling})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from matplotlib.axes import Axes
 
 import vctune
@@ -105,20 +104,3 @@ def test_a_picture_of_an_arm_shows_its_least_drag():
     below = found.plane.edges[1][found.squares[3]] < rest
     assert below.any() and not (found.kinds[below] == Kind.FEASIBLE).any()
     assert rest == pytest.approx(1.05 * 1000.0 * (1e-3 + 0.02 + 1 / (2 * np.pi * 15.0)), rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("damping,stable\n1,yes\n", "points.csv:1: has no column coupling.stiffness"),
-        ("damping,stiffness,stable\n1,two,yes\n", "points.csv:2: coupling.stiffness is 'two', no number"),
-        ("damping,stiffness,stable\n1,2,perhaps\n", "points.csv:2: stable is 'perhaps'; write yes or no"),
-        ("damping,stiffness,stable\n1,inf,yes\n", "points.csv:2: coupling.stiffness is inf, not finite"),
-        ("", "points.csv:1: has no column"),
-    ],
-)
-def test_a_file_of_points_is_refused_in_its_line(tmp_path, text, says):
-    (tmp_path / "points.csv").write_text(text)
-    with pytest.raises(vctune.InputError) as refusal:
-        vctune.region(ROOT / "problems/wall.toml", points=tmp_path / "points.csv")
-    assert says in str(refusal.value)

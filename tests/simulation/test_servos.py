@@ -137,22 +137,6 @@ def test_it_starts_at_rest_where_hand_and_environment_agree():
 # what it has not
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "reason"),
-    [
-        ({"friction": {"coulomb": 0.3}}, "friction", "whatever rubs"),
-        ({"sensors": {"position_resolution": 1e-5}}, "sensors.position_resolution", "reads no position"),
-        ({"actuator": {"limit": 3.0}}, "actuator.limit", "commands no force"),
-        ({"baseline": {"kp": 1.0, "kd": 1.0, "mass": 1.0, "damping": 1.0}}, "baseline", "commands a force"),
-    ],
-)
-def test_what_an_experiment_of_a_servo_has_not_is_refused_with_the_reason(table, key, reason):
-    with pytest.raises(InputError) as refused:
-        problem_of(ARM | {"experiment": [{"name": "servo", **table}]})
-    assert f"experiment[0].{key}: means nothing with [device.servo]: " in str(refused.value)
-    assert reason in str(refused.value)
-
-
 def test_gains_of_a_servo_are_refused_and_its_coupling_is_taken():
     tables = ARM | {"experiment": [{"name": "servo", "sensors": {"force_noise": 0.01}, "operator": {"cycles": 1}}]}
     simulation = simulate(tables, NO_GAINS, Coupling(**ARM["coupling"]))

@@ -144,23 +144,6 @@ def test_json_and_one_experiment(problem, tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["device.toml", "--experiment", "nope"], "none is called 'nope'; there are: spring, free"),
-        (["bare.toml"], "there is none to simulate"),
-        (["device.toml", "none.toml"], "no such file"),
-        (["device.toml", "device.toml"], "unknown key"),
-    ],
-)
-def test_bad_input(problem, tmp_path, arguments, text):
-    (tmp_path / "bare.toml").write_text(for_passive_hands(DEVICE))
-    done = vctune("simulate", *arguments, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
-    assert text in done.stderr and "Traceback" not in done.stderr
-    assert not (tmp_path / "results").exists()
-
-
 def test_infeasible_and_unstable_fail(tmp_path):
     path = tmp_path / "device.toml"
     path.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n" + EXPERIMENTS))

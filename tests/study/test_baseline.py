@@ -231,29 +231,6 @@ def test_a_damaged_region_is_one_annotation_and_the_gains_beside_it_are_checked(
     assert "::error file=region.json," in out and "::notice file=gains.toml," in out
 
 
-FIXED_GAINS = DEVICE + FIXED.format("{ min = 1.0, max = 9.0 }")
-WRONG_USE = {
-    "fixed axis": (FIXED_GAINS, [], "gains.velocity: is fixed at 150 and spans no plane; free are coupling.damping"),
-    "nothing free": (DEVICE + FIXED.format(160.0), [], "the problem fixes every number"),
-    "same axes": (DEVICE, ["--y", K_V], "gains.velocity: is both axes of the plane"),
-    "free gain": (DEVICE, ["--y", B_C], "gains.position: is free but not an axis; fix it"),
-    "no axis": (DEVICE, ["--x", "gains.speed"], "'gains.speed' is not one of"),
-    "too fine": (DEVICE, ["--resolution", "1e-6"], "Invalid value for '--resolution'"),
-    "no place": (DEVICE, ["--out", "/proc/none"], "cannot be written"),
-    "taken": (DEVICE, ["--out", "device.toml"], "cannot be written"),
-}
-
-
-@pytest.mark.parametrize("name", WRONG_USE)
-def test_wrong_use_of_region(tmp_path, name):
-    text, options, message = WRONG_USE[name]
-    (tmp_path / "device.toml").write_text(for_passive_hands(text))
-    code, out, err = run("region", "device.toml", *options, cwd=tmp_path)
-    assert (code, out) == (ExitCode.BAD_INPUT, "")
-    assert message in err and "Traceback" not in err
-    assert [path.name for path in tmp_path.iterdir()] == ["device.toml"]
-
-
 @pytest.fixture
 def interrupted(baseline, tmp_path, monkeypatch):
     """The folder of a region at 1/32 that was interrupted in the midst of its cells."""

@@ -397,12 +397,6 @@ REFUSED = {
         lambda text: text.replace("[1.0, 2.0]", "{ log = [1, 2], n = 1000000 }"), [], "1,000,000 points",
     ),
     "unreachable": (lambda text: text, ["--restart", "--executor", "dask:tcp://127.0.0.1:9"], "cannot be reached"),
-    "unknown executor": (lambda text: text, ["--restart", "--executor", "ray"], "is not"),
-    "no address": (lambda text: text, ["--restart", "--executor", "dask:"], "has no address"),
-    "no jobs": (lambda text: text, ["--restart", "--jobs", "0"], "0 is not in the range"),
-    "unknown key": (lambda text: text.replace("damping", "dampin"), ["--restart"], "did you mean"),
-    "empty axis": (lambda text: text.replace("[1.0, 2.0]", "[]"), ["--restart"], "is empty"),
-    "text for a number": (lambda text: text.replace("[1.0, 2.0]", '["1.0"]'), ["--restart"], "is not a number"),
 }  # fmt: skip
 
 
