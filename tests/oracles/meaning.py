@@ -1295,7 +1295,7 @@ def idle(case: Case, _: Part) -> Any:
 COUNTED = "a count of work, which no design has"
 DIGEST = "a digest, checked where a record is read (tests/document/test_edited_records.py)"
 NAME = "a name that the user gave"
-WORDS = "words, compared in tests/test_words.py"
+WORDS = "words, compared in tests/test_answers.py"
 SHAKES = Elsewhere("simulation/test_shakes.py")
 NULL_IS_SAID = (
     "certificate.min_ratio", "certificate.proved_ratio", "certificate.hands.min_ratio", "rest.rests", "rest.settles",
