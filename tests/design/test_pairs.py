@@ -83,10 +83,12 @@ def test_the_record_lists_both_as_repairs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(drawn(300)))
-def test_a_pair_passes_as_pasted(seed):
-    tables = drawn_arm(seed)
-    checked = vctune.check(tables)
-    found = getattr(checked.finding, "found", None)
-    if found is not None and found.together:
-        assert vctune.check(pasted(tables, found.together)).result == "passed"
+def test_a_pair_passes_as_pasted():
+    found = 0
+    for seed in range(drawn(300)):
+        tables = drawn_arm(seed)
+        repairs = getattr(vctune.check(tables).finding, "found", None)
+        if repairs is not None and repairs.together:
+            found += 1
+            assert vctune.check(pasted(tables, repairs.together)).result == "passed", seed
+    assert found >= drawn(300) / 12

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from command import peak_memory, run
+from conftest import drawn
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
 from vctune import check, identify, solve
@@ -113,15 +114,18 @@ def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(200))
-def test_an_identified_file_is_accepted(seed, tmp_path):
-    """The log may be refused; what is written is not, whatever the log is like."""
-    try:
-        found = identify(*spoiled(random_case(seed), seed).write(tmp_path))
-    except InputError as error:
-        assert error.source != "device.toml"
-    else:
-        assert found.file.problem.name == "log"
+def test_an_identified_file_is_accepted(tmp_path):
+    """A log may be refused; what is written is not, whatever the log is like."""
+    written = 0
+    for seed in range(drawn(200)):
+        try:
+            found = identify(*spoiled(random_case(seed), seed).write(tmp_path))
+        except InputError as error:
+            assert error.source != "device.toml", seed
+        else:
+            written += 1
+            assert found.file.problem.name == "log"
+    assert written >= drawn(200) / 4
 
 
 @pytest.mark.slow
