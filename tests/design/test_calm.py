@@ -197,7 +197,7 @@ def moving(wall: vctune.SpringDamper, count: int, rng: np.random.Generator) -> i
     return int((seen.moved > 1e-7).sum())
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_calm_wall_rests_after_own_kicks():
     """It is not much softer than the stiffest wall; that one is not certified if it buzzes."""
     file = vctune.problem(tomllib.loads(PADDLE))

@@ -65,7 +65,7 @@ def test_the_positioning_system_comes_out_as_published(emps):
         assert first[name].value == pytest.approx(published, rel=0.08)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_box_holds_what_both_recordings_say(emps):
     mass, damping = emps.found.bounded("mass"), emps.found.bounded("damping")
     assert all(mass.low < value < mass.high for value in (95.1087, 94.05))
@@ -94,7 +94,7 @@ def test_the_box_of_the_bench_holds_what_is_published(bench, name, motor, load, 
     assert most / least < 1.4
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_box_of_one_recording_holds_the_other_s_numbers(bench):
     """Friction aside, which no two recordings share: their dampings differ by more than either tells."""
     box, other = bench("a").found, bench("b").found

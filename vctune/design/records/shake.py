@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, log, pi
+from math import inf, isclose, log, pi
 from typing import Annotated
 
 from vctune.design.judging.judge import Judgement, Status
@@ -25,6 +25,7 @@ from vctune.simulation.worlds import RIGID
 SHAKES = "whether it shakes"  # Name of a part that a time limit may leave out
 MILLI = 0.1  # Time below which a time is told in milliseconds, s
 LONG = 1 / log(3)  # Time constant with which a motion takes a second to fall to a third, s
+SAME = 1e-5  # Relative difference of two numbers of a device that are told as one
 LITTLE = 0.05  # Damping ratio below which a design rings more than most would want
 
 
@@ -157,7 +158,9 @@ def in_few_words(rings: RingingRecord | None, buzzes: BuzzRecord | None) -> list
 def _ringing_record(found: Ringing | None, problem: Problem) -> RingingRecord | None:
     if found is None or found.time_constant == inf:
         return None
-    other = found.device != problem.device.undisturbed.bare  # of a box, or with its delay beside whole samples
+    stated = problem.device.numbers()
+    # of a box, or with its delay at whole samples
+    other = any(not isclose(number, stated[key], rel_tol=SAME) for key, number in found.device.numbers().items())
     boxed = problem.uncertainty is not None or problem.device.divided
     return RingingRecord(
         damping_ratio=found.damping_ratio,
