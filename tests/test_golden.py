@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from recorded import RECORDS, kept
 from servo_logs import servo_case
 
 import vctune
-from vctune.design.records.design import design_record
+from vctune.design.records.design import design_of, design_record
 from vctune.design.ros.admittance_check import check_parameters
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.ros import read_admittances
@@ -105,6 +106,15 @@ FAST = ("problem: friction-wheel", "problem: infeasible", "region: friction-whee
 def test_an_answer_is_what_it_was(name):
     searched = name.startswith(("problem", "region", "sweep", "ros"))
     assert kept(name, ANSWERS[name](), SEARCHED if searched else 1e-4) == []
+
+
+def test_what_limits_a_design_is_told_the_dearest_first():
+    record = design_of(solved("friction-wheel"), "x")
+    prices = Counter[str]()
+    for each in record.active:
+        prices[each.demand] += each.multiplier
+    (first, _), (second, _) = prices.most_common()
+    assert [line.partition(" at ")[0] for line in record.limits] == [first, second]
 
 
 @pytest.mark.slow

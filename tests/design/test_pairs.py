@@ -58,6 +58,7 @@ def test_a_law_that_is_too_light_and_too_free_is_told_both(tmp_path):
     (tmp_path / "arm.toml").write_text(toml_text(LIGHT))
     done = run("check", "arm.toml", cwd=tmp_path)
     assert done.returncode == 1 and "together would pass" in done.stdout
+    assert "these two together would do:\n" in run("solve", "arm.toml", cwd=tmp_path).stdout
     found = vctune.check(LIGHT).finding.found
     assert found.repairs == [] and {repair.key for repair in found.together} == {"coupling.mass", "coupling.drag"}
     assert vctune.check(pasted(LIGHT, found.together)).result == "passed"

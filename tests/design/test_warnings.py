@@ -78,6 +78,13 @@ def test_what_is_probably_not_meant_is_warned_of_until_it_is_what_is_said(tmp_pa
     assert done.returncode == ExitCode.OK, done
 
 
+def test_a_rate_in_the_place_of_a_sample_time_is_told_with_its_seconds(tmp_path):
+    given = PASSIVE + "band_hz = [1e-6, 1e-4]\n"
+    (tmp_path / "rate.toml").write_text(DEVICE.replace("1e-3", "500.0") + FIXED.format(160.0) + given)
+    done = run("check", "rate.toml", cwd=tmp_path)
+    assert "device.sample_time is 500 s;" in done.stdout and "the rate of 500 Hz? Then write 0.002" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("environment", "limp"), [("mass = 0.0\nstiffness = 0.0", False), ("stiffness = 2000.0", True)]
 )

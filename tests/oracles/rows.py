@@ -92,9 +92,32 @@ def printed(text, value):
 
 
 def said(record):
-    """Return all rows of a record as one text."""
-    rows = design_of(record, "x").groups().values()
-    return "\n".join(f"{row.label}: {row.value} {row.unit}" for group in rows for row in group)
+    """Return what is proved and all rows of a record as one text."""
+    found = design_of(record, "x")
+    rows = [row for group in found.groups().values() for row in group]
+    return "\n".join([found.promise, *(f"{row.label}: {row.value} {row.unit}" for row in rows)])
+
+
+def of_parts(record):
+    """Yield numbers of rows that consist of several, each with what it is of the record."""
+    text = said(record)
+    for value, parts in re.findall(r"latency L: (\S+) ms = (.*)", text):
+        yield sum(float(part.rpartition(" ")[2]) for part in parts.split(" + ")), float(value)
+    for step, force in re.findall(r"rests: \w+ where it stops: \S+ q = (\S+) .* twice the friction, (\S+) ", text):
+        yield float(step), at(record, "rest.step_N")
+        yield float(force), 2 * at(record, "rest.friction_N")
+    for mass, unit in re.findall(r"binding world: (\S+) (kg m2|kg|g) ", text):
+        yield float(mass) * (1e-3 if unit == "g" else 1.0), at(record, "certificate.hands.worst_world.mass")
+    for mass, unit in re.findall(r"feels like: (\S+) (kg m2|kg|g) ", text):
+        yield float(mass) * (1e-3 if unit == "g" else 1.0), at(record, "felt.mass_1hz")
+
+
+def hands_less(record):
+    """Whether the drag that rest requires is less than K L, with the safety factor, and no spring of its own."""
+    drag, factor, stiffness, late = (
+        at(record, f"contact.{name}") for name in ("rest_drag", "safety_factor", "stiffness", "latency_s")
+    )
+    return drag is not None and drag < (factor * stiffness * late + at(record, "contact.own_spring")) * (1 - 1e-6)
 
 
 def world_is(name):
@@ -111,6 +134,19 @@ def world_is(name):
 
 
 FORMS = {
+    r"absolutely stable in": lambda r: r["status"] == "certified" and at(r, "certificate.band_hz") is not None
+    and not any(claim["id"] == "alone" for claim in r["certificate"]["claims"]),
+    r"stable in every hand of": lambda r: (r["status"] == "certified" and at(r, "certificate.hands") is not None)
+    or (r["status"] == "certified" and at(r, "certificate.wall.box") is not None),
+    r"^position K_p:": lambda r: at(r, "transparency.display") is None,
+    r"^velocity K_v:": lambda r: at(r, "transparency.display") != "servo",
+    r"^:  in the hand of": lambda r: any(claim.get("witness_hand") for claim in r["certificate"]["claims"]),
+    r"\b1 of \d+ kicks keeps moving": lambda r: at(r, "buzz.moving") == 1,
+    r"kicks keep moving": lambda r: (at(r, "buzz.moving") or 0) > 1,
+    r"none of \d+ kicks": lambda r: at(r, "buzz.moving") == 0,
+    r"is at most twice the friction": lambda r: at(r, "rest.rests") is True,
+    r"is more than twice the friction": lambda r: at(r, "rest.rests") is False,
+    r"less the damping of every hand": hands_less,
     r"rests: yes": lambda r: at(r, "rest.rests") is True,
     r"rests: no": lambda r: at(r, "rest.rests") is False,
     r"comes to rest: yes": lambda r: at(r, "rest.settles") is True,
@@ -153,7 +189,8 @@ FORMS = {
 }  # fmt: skip
 """Forms of sentences, and when a record has them: then, and only then."""
 SELDOM = (
-    r"keeps moving:", r"comes to rest: yes", r"(limit|walls): no limit estimated$", r"none at 0 Hz",
+    r"keeps moving:", r"\b1 of \d+ kicks keeps moving", r"comes to rest: yes", r"(limit|walls): no limit estimated$",
+    r"none at 0 Hz",
     r"undecided with this coupling", r"binding world: none nothing", r"of a spring and", r"no bound found",
     r"that drive at 1 Hz", r": rendered to",
 )  # fmt: skip
