@@ -244,12 +244,8 @@ def test_six_axes_of_four_designs_are_exported_into_one_file_and_checked_again(s
     assert fewer.returncode == ExitCode.BAD_INPUT and "selects rx, ry, rz, and no problem is for that" in fewer.stdout
 
 
-def test_designs_that_are_for_the_same_axis_or_for_another_format_are_refused(six):
-    (six / "other.toml").write_text(DESIGNED)
+def test_a_design_may_be_exported_with_its_gains_beside_it(six):
     (six / "gains.toml").write_text("[coupling]\ndamping = inf\nmass = 5.0\ndrag = 80.0\n")
-    twice = vctune("export", "arm.toml", "other.toml", "--to", "ros2", cwd=six)
-    assert twice.returncode == ExitCode.BAD_INPUT and "is, as arm.toml, for the axis x" in twice.stderr
-    assert vctune("export", *SIX, cwd=six).returncode == ExitCode.BAD_INPUT
     assert vctune("export", "arm.toml", "gains.toml", "--to", "ros2", cwd=six).returncode == ExitCode.OK
 
 
@@ -259,8 +255,6 @@ def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
     made = vctune("export", "series.toml", "--to", "ros2", cwd=tmp_path)
     assert made.returncode == ExitCode.FAILED and "write coupling.damping = inf, solve again" in made.stderr
     assert not (tmp_path / "results/series/firmware").exists()
-    single = vctune("export", "series.toml", "--to", "ros2", "--precision", "single", cwd=tmp_path)
-    assert single.returncode == ExitCode.BAD_INPUT and "computes in double precision" in single.stderr
 
 
 def test_problems_of_one_name_are_both_beside_the_parameters(tmp_path: Path) -> None:

@@ -95,7 +95,6 @@ FAULTS = {
         lambda c: {"time_s": c["time_s"], "position_m": c["command_N"], "command_N": c["position_m"]},
         ["swapped"],
     ),
-    "ten samples": (lambda c: {key: values[:10] for key, values in c.items()}, ["has 10 samples"]),
     "not a number": (lambda c: c | {"position_m": _with(c["position_m"], 77, np.nan)}, [":79: position_m: nan"]),
     "rows without numbers": (
         lambda c: c | {key: np.where(c["time_s"] > 2.5, np.nan, c[key]) for key in ("position_m", "command_N")},
@@ -125,11 +124,6 @@ FAULTS = {
             | {"time_s": c["time_s"][40:]}
         ),
         ["ahead of the force"],
-    ),
-    "no position": (lambda c: {key: c[key] for key in ("time_s", "command_N")}, ["columns.position"]),
-    "no unit": (
-        lambda c: {"time_s": c["time_s"], "position": c["position_m"], "command_N": c["command_N"]},
-        ["columns.position"],
     ),
 }
 

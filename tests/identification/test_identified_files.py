@@ -113,7 +113,7 @@ def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
     assert found.file.problem.device.actuator is None
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_an_identified_file_is_accepted(tmp_path):
     """A log may be refused; what is written is not, whatever the log is like."""
     written = 0

@@ -12,12 +12,12 @@ HERTZ = np.geomspace(0.5, 60.0, 40)
 T = 4e-3
 
 
-def written(folder, response, *, decibels=False, hertz=HERTZ):
+def written(folder, response, *, decibels=False):
     """Write a response and its log.toml; return their paths."""
-    columns = {"frequency_Hz": hertz, "real": response.real, "imag": response.imag}
+    columns = {"frequency_Hz": HERTZ, "real": response.real, "imag": response.imag}
     if decibels:
         phase = np.degrees(np.angle(response))
-        columns = {"hertz": hertz, "gain_db": 20 * np.log10(np.abs(response)), "phase_deg": phase}
+        columns = {"hertz": HERTZ, "gain_db": 20 * np.log10(np.abs(response)), "phase_deg": phase}
     table = np.column_stack(list(columns.values()))
     np.savetxt(folder / "response.csv", table, "%.9g", ",", header=",".join(columns), comments="")
     (folder / "log.toml").write_text(f"sample_time = {T}\n")
@@ -77,13 +77,11 @@ def test_a_mechanism_is_in_its_box(parts, tmp_path):
         (np.conj(servo(1)), True, "is the sign of the phase turned?|phase of a lag negative?"),
         (servo(1), False, "is not a mechanism's response"),
         (mechanism(stiffness=60.0), False, "follows the position by about 60 N/m"),
-        (servo(1)[:6], True, "has 6 frequencies up to half the sampling rate; 10 are needed"),
-        (servo(1) * (HERTZ > 1), True, "has a response of 0 at 0.5 Hz; leave out its row"),
     ],
 )
 def test_a_response_of_no_such_device_is_refused(response, servo, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        identify(*written(tmp_path, response, hertz=HERTZ[: response.size]), servo=servo)
+        identify(*written(tmp_path, response), servo=servo)
 
 
 def test_what_is_left_of_a_response_is_its_noise_but_for_another_structure(tmp_path):
