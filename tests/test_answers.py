@@ -18,7 +18,7 @@ from compared import wrong
 from conftest import drawn, mostly_slow
 from meaning import DESIGN, Case
 from posed import POSED
-from recorded import kept
+from recorded import changes
 from rows import FORMS, NUMBER, SELDOM, SHOWN, UNITS, VERDICTS, at, numbers_of, of_parts, printed, said
 
 import vctune
@@ -80,7 +80,7 @@ def test_the_numbers_of_a_given_design_are_what_they_mean(kind, draw, request):
 
 @each_kind
 def test_an_answer_is_what_it_was(kind):
-    assert kept(f"design: {kind}", answered(kind)[1]) == []
+    assert changes(f"design: {kind}", answered(kind)[1]) == []
 
 
 @each_kind

@@ -15,8 +15,9 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, mostly_slow
 from identification_logs import Log, random_case
-from recorded import RECORDS, kept
+from recorded import RECORDS, changes
 from servo_logs import servo_case
+from test_ros import PARAMETERS
 
 import vctune
 from vctune.design.records.design import design_of, design_record
@@ -39,18 +40,6 @@ gains = { velocity = 800.0, position = 8000.0 }
 """
 SERVO = """device = { sample_time = 2e-3, servo = { delay = 0.006, bandwidth_hz = 8.0, order = 1 } }
 operator = { stiffness = { max = 400.0 } }
-"""
-PARAMETERS = """admittance_controller:
-  ros__parameters:
-    joints: [j1]
-    ft_sensor:
-      name: ft
-      filter_coefficient: 0.05
-    admittance:
-      selected_axes: [true, false, false, false, false, false]
-      mass: [5.0, 5.0, 5.0, 0.1, 0.1, 0.1]
-      damping_ratio: [2.5, 2.5, 2.5, 2.5, 2.5, 2.5]
-      stiffness: [50.0, 50.0, 50.0, 10.0, 10.0, 10.0]
 """
 
 
@@ -105,7 +94,7 @@ FAST = ("problem: friction-wheel", "problem: infeasible", "region: friction-whee
 @pytest.mark.parametrize("name", mostly_slow(ANSWERS, FAST))
 def test_an_answer_is_what_it_was(name):
     searched = name.startswith(("problem", "region", "sweep", "ros"))
-    assert kept(name, ANSWERS[name](), SEARCHED if searched else 1e-4) == []
+    assert changes(name, ANSWERS[name](), SEARCHED if searched else 1e-4) == []
 
 
 def test_what_limits_a_design_is_told_the_dearest_first():
@@ -125,7 +114,7 @@ def test_a_design_is_as_good_as_it_was(name):
     if found.judgement is not None:
         now |= {"error": found.judgement.error, "coupling": found.judgement.transparency.coupling}
     then = RECORDS.get(f"solved: {name}", {})
-    worse = kept(f"solved: {name}", now, WORSE)
+    worse = changes(f"solved: {name}", now, WORSE)
     better = then.get("status") in (now["status"], "undecided") and now.get("error", 0) <= then.get("error", 0)
     assert better or worse == []
 

@@ -26,8 +26,8 @@ ELSEWHERE = ("versions", "sha256", "problem", "schema", "solver", "curve")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
-def kept(name: str, answer: Any, near: float = 1e-4) -> list[str]:
-    """Return what an answer says that its record does not say, which is recorded again if that is asked for."""
+def changes(name: str, answer: Any, near: float = 1e-4) -> list[str]:
+    """Return how an answer differs from its record, which is replaced by it if VCTUNE_REFRESH is set."""
     now = plain(answer)
     then = RECORDS.get(name)
     if os.environ.get("VCTUNE_REFRESH"):
